@@ -21,7 +21,7 @@ from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
 
 from pliant.execution.executors import ProcessExecutor, executor_for
 from pliant.execution.jobs import JobQueue
-from pliant.execution.progress import LogProgress
+from pliant.execution.progress import LogBar
 
 # Sets made ahead of the diagnosers.
 AHEAD = 4
@@ -144,7 +144,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     named = [Job(task.secret_id(key), task) for task in bench.share_of(plan.tasks())]
     waiting = [job for job in named if job.name not in done]
     print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
-    bar = LogProgress(partial(print, flush=True)).begin("sets", len(waiting))
+    bar = LogBar(partial(print, flush=True), "sets", len(waiting), 0)
     asked: dict[str, Job] = {}
     workers = scheduler or ProcessExecutor(bench.workers)
     with executor_for(workers) as executor, JobQueue[Question, dict[str, Any]](executor, ask) as asking:

@@ -29,7 +29,7 @@ SNR = 2.5
 
 
 def draw(spec: SetSpec, path: Path) -> None:
-    """One picture."""
+    """Write the picture of one set."""
     made, runs = make_set(spec), protocol(spec.protocol)
     first = {run.condition: i for i, run in reversed(list(enumerate(runs)))}
     figure, axes = plt.subplots(2, 3, figsize=(15, 8), layout="constrained")

@@ -88,7 +88,7 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
 
 
 def kinds(data: dict[str, Any]) -> Iterator[str]:
-    """Every effect."""
+    """How often every effect was named."""
     yield "![Answers in % of what was hidden](pictures/bench_confusion.png)"
     yield ""
     yield "| hidden | strictly | by class | answered otherwise |"
@@ -158,7 +158,7 @@ def stated(data: dict[str, Any]) -> Iterator[str]:
 
 
 def times(data: dict[str, Any]) -> Iterator[str]:
-    """What it cost."""
+    """Sets and processor time of every group."""
     wanted = data.get("planned", {})
     yield "| group | sets | planned | one, median, s of CPU | all, min of CPU |"
     yield "|---|---|---|---|---|"

@@ -25,7 +25,7 @@ VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", 
 
 
 def draw_all(data: dict[str, Any], folder: Path) -> list[Path]:
-    """Three PNG files."""
+    """Draw the three pictures as PNG files; their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     made = []
     for name, draw in (("confusion", confusion), ("reliability", reliability), ("strength", strength)):

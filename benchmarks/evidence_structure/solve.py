@@ -66,7 +66,7 @@ def solve(backend: FEMBackend, material: Any, problem: Any, out: Path) -> None:
 
 
 def write(modules: int, state: StructureState, out: Path) -> None:
-    """One line more."""
+    """Append one line of results."""
     row = {
         "modules": modules,
         "pressure_pa": state.pressure_pa,

@@ -29,9 +29,9 @@ from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.newton import Control, Equilibrium
 from pliant_plugins.fem.skfem.backend import SkfemSolver
+from pliant_plugins.manifest import FINGER
 
 TABLE = REFERENCE / "bellow_bending_fem.csv"
-LENGTHS = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
 MU_PA = 249e3  # the free curve is solved with this one
 FREE_PA = (500.0, 1e3, 2e3, 3.5e3, 5.5e3, 8e3, 11e3, 13.5e3, 16.5e3)
 TUBE_AXIS_M = 11.5e-3
@@ -61,7 +61,7 @@ class Published:
 
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
-    problem = BellowBending(BellowBendingConfig.model_validate(LENGTHS)).problem(refinement)
+    problem = BellowBending(BellowBendingConfig.model_validate(FINGER)).problem(refinement)
     return solver_of(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
 
 

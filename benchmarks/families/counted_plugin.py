@@ -17,7 +17,7 @@ CONTRACT = 2
 
 
 class CountedConfig(SkfemConfig):
-    """As skfem."""
+    """The config of `skfem` under another kind."""
 
     kind: Literal["counted_skfem"] = "counted_skfem"  # type: ignore[assignment]
 

@@ -11,7 +11,6 @@ Prints the table and writes benchmarks/out/elements.json.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,13 +27,6 @@ MU_PA = 240e3
 LARGEST = {"pressure_pa": 15e3, "tendon_force_n": 2.0}
 SHARES = (1 / 3, 2 / 3, 1.0)
 ELEMENTS = ("continuous", "cell", "point")
-REFERENCE_DESIGN = {
-    "inner_radius": "2 mm",
-    "average_radius": "6 mm",
-    "wall": "1.5 mm",
-    "module_length": "11 mm",
-}
-DESIGNS: Mapping[str, Mapping[str, Any]] = {"bellow_bending": REFERENCE_DESIGN}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +42,9 @@ class Figures:
 
 
 def family_of(kind: str) -> ActuatorFamily:
-    """The family's reference design, or its manifest's example."""
+    """The example of the family's manifest, its reference design."""
     component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
-    values = DESIGNS.get(kind, component.example)
-    built: ActuatorFamily = component.build(component.config_model().model_validate({"kind": kind, **values}))
-    return built
+    return component.build(component.config_model().model_validate({"kind": kind, **component.example}))
 
 
 def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:

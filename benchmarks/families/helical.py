@@ -5,14 +5,13 @@
 (b) the family's defaults: moments at 5 to 12.5 kPa predicted
 (c) bending about z and twist at 5 and 15 kPa, with what decides them: the constraint's width, the twist's pivot
 
-Prints the figures and writes them to benchmarks/out/family_helical.json. (a) takes minutes, --quick leaves it out.
-"""
+Prints the figures and writes them to benchmarks/out/family_helical.json. (a) takes minutes, --quick leaves it out."""
 
 from __future__ import annotations
 
 import sys
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,18 +26,110 @@ from benchmarks.families.published_y import (
     solver_of,
     table_of,
 )
-from benchmarks.families.spatial import asymmetry, energy_error, free_states, rows_of
 from benchmarks.output import Bar, parser_of, write
 
-from pliant.records.fem import ModuleProblem
+from pliant.interfaces.fem import ModuleSolver
+from pliant.records.design import Array
+from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
+from pliant_plugins.manifest import HELIX_MODULE
 
-DESIGN = {
-    "inner_radius": "3.09 mm",
-    "average_radius": "5.66 mm",
-    "wall": "1.51 mm",
-    "module_length": "4.72 mm",
-}
+MOMENTS = (3e-3, 6e-3)
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One axis at one pressure, moments on it alone.
+
+    Attributes:
+        held: what the main axis does: M_y = 0 ("free") or u_y as on the free branch ("held").
+        tangent: −dM/du (N·m/rad) at M = 0.
+        secants: M/u (N·m/rad) at the moments of `MOMENTS`, NaN where no state was reached.
+    """
+
+    axis: str
+    pressure_pa: float
+    held: str
+    tangent: float
+    secants: tuple[float, ...]
+
+
+def condensed(stiffness: Array, kept: tuple[int, ...]) -> Array:
+    """The stiffness (3, 3) of some axes, those that are left out being free."""
+    out = [i for i in range(len(stiffness)) if i not in kept]
+    K = stiffness[np.ix_(kept, kept)]
+    if not out:
+        return K
+    cross = stiffness[np.ix_(kept, out)]
+    return K - cross @ np.linalg.solve(stiffness[np.ix_(out, out)], cross.T)
+
+
+def free_states(solver: ModuleSolver, pressures: tuple[float, ...]) -> list[FemState]:
+    """States without moments, each from the one before."""
+    states: list[FemState] = []
+    state = solver.rest()
+    for pressure in pressures:
+        state = solver.free(pressure, state)
+        states.append(state)
+    return states
+
+
+def secant(solver: ModuleSolver, free: FemState, axis: str, moment: float, held: bool) -> float:
+    """M/u (N·m/rad) under a moment that turns the module by +u about an axis, by Newton on u (two states)."""
+    place = AXES.index(axis)
+    kept = tuple(sorted({place, 1})) if held else (place,)
+    others = {"y": float(free.deformation[1])} if held else {}
+    u, state = 0.0, free
+    for _ in range(3):
+        slope = condensed(-state.dtau_du, kept)[kept.index(place), kept.index(place)]
+        # τ opposes: a moment that helps is −τ
+        missing = moment + float(state.tau[place])
+        u += missing / slope
+        if state is not free and abs(missing) < 0.02 * moment:
+            break
+        state = solver.constrained(free.actuation, {**others, axis: u}, state)
+    return float(moment / u)
+
+
+def rows_of(
+    solver: ModuleSolver, free: FemState, axes: tuple[str, ...] = ("z", "x"), secants: bool = True
+) -> list[Row]:
+    """Stiffness of the axes at one free state."""
+    rows = []
+    for axis in axes:
+        place = AXES.index(axis)
+        for held in (False, True):
+            kept = tuple(sorted({place, 1})) if held else (place,)
+            where = kept.index(place)
+            tangent = float(condensed(-free.dtau_du, kept)[where, where])
+            found = tuple(secant(solver, free, axis, m, held) for m in MOMENTS) if secants else ()
+            rows.append(Row(axis, free.actuation, "held" if held else "free", tangent, found))
+    return rows
+
+
+def asymmetry(state: FemState) -> float:
+    """Largest |K_ij − K_ji| / √(K_ii K_jj)."""
+    K = -state.dtau_du
+    size = np.sqrt(np.diag(K))
+    return float(np.abs((K - K.T) / np.outer(size, size)).max())
+
+
+def energy_error(solver: ModuleSolver, start: FemState, turn: dict[str, float]) -> float:
+    """|ΔU − work| / work between two near states of one pressure, axes held at u ± turn/2 (midpoint: third order)."""
+    low, mid, high = (
+        solver.constrained(
+            start.actuation,
+            {a: float(start.deformation[AXES.index(a)]) + s * turn.get(a, 0.0) for a in AXES},
+            start,
+        )
+        for s in (-0.5, 0.0, 0.5)
+    )
+    step = high.deformation - low.deformation
+    work = start.actuation * (high.travel - low.travel) - float((low.tau + 4 * mid.tau + high.tau) @ step / 6)
+    return abs((high.energy_j - low.energy_j - work) / work)
+
+
 VARIANTS: tuple[dict[str, Any], ...] = (
     {"constraint_offset": "2.45 mm"},
     {"constraint_offset": "2.5 mm"},
@@ -67,7 +158,7 @@ PRESSURES = (2.5e3, 5e3, 10e3, 15e3)
 
 def family(**parameters: Any) -> BellowHelical:
     """The published design with some parameters of its own."""
-    return BellowHelical(BellowHelicalConfig.model_validate({**DESIGN, **parameters}))
+    return BellowHelical(BellowHelicalConfig.model_validate({**HELIX_MODULE, **parameters}))
 
 
 def half_of(variant: dict[str, Any]) -> ModuleProblem:
@@ -100,7 +191,7 @@ def printed(name: str, found: dict[str, Any]) -> None:
 
 
 def variants_table(data: Published) -> list[dict[str, Any]]:
-    """(a)"""
+    """Table (a): variants of the module."""
     print(
         "(a) variant; modulus by; μ kPa; free; 15 kPa |u| ≤ .3, |u/2| ≤ .3; predicted likewise; by pressure"
     )
@@ -114,7 +205,7 @@ def variants_table(data: Published) -> list[dict[str, Any]]:
 
 
 def spatial_table(mu_pa: float, secants: bool) -> list[dict[str, Any]]:
-    """(c)"""
+    """Table (c): rotations about all axes."""
     print("(c) variant; axis; pressure; main axis; mN·m/rad at M = 0, secants at 3 and 6 mN·m")
     rows = []
     for parameters in SPATIAL:

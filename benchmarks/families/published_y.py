@@ -70,13 +70,11 @@ class Table:
         """τ (N·m) at another modulus."""
         factor = mu_pa / MU
         surface = RectBivariateSpline(PRESSURES, HALF_ANGLES, self.moments)
-        found: Array = factor * surface.ev(pressure / factor, half_angle)
-        return found
+        return factor * surface.ev(pressure / factor, half_angle)
 
     def free(self, mu_pa: float, pressure: Array) -> Array:
         """Free half angles (rad) at another modulus."""
-        found: Array = CubicSpline(self.free_pressure, self.free_half_angle)(pressure * MU / mu_pa)
-        return found
+        return CubicSpline(self.free_pressure, self.free_half_angle)(pressure * MU / mu_pa)
 
 
 def table_of(problem: ModuleProblem) -> Table:

@@ -30,25 +30,14 @@ from pliant.pipeline.sampling.plan import sample
 from pliant.pipeline.sampling.walk import Piece
 from pliant.records.fem import COLUMNS, FemDataset, ModuleData
 from pliant.registry.discovery import Registry, discover
+from pliant_plugins.manifest import FINGER, HELIX_MODULE
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 LIMIT_PA = 15e3
-BENDING = {
-    "kind": "bellow_bending",
-    "inner_radius": "2 mm",
-    "average_radius": "6 mm",
-    "wall": "1.5 mm",
-    "module_length": "11 mm",
-}
+BENDING = {"kind": "bellow_bending", **FINGER}
 WIDE = {**BENDING, "inner_radius": "2.75 mm", "average_radius": "7.5 mm", "module_length": "10 mm"}
-HELICAL = {
-    "kind": "bellow_helical",
-    "inner_radius": "3.09 mm",
-    "average_radius": "5.66 mm",
-    "wall": "1.51 mm",
-    "module_length": "4.72 mm",
-}
+HELICAL = {"kind": "bellow_helical", **HELIX_MODULE}
 
 
 def main() -> None:

@@ -14,15 +14,15 @@ from benchmarks.families.published_y import solver_of
 from benchmarks.output import Bar, write
 
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
+from pliant_plugins.manifest import EXTENDING
 
-DESIGN = {"inner_radius": "5 mm", "average_radius": "8 mm", "wall": "1.5 mm", "module_length": "10 mm"}
 PRESSURES = (2e3, 4e3, 7.5e3, 10e3, 12.5e3, 15e3)
 MODULI = (240e3, 240.5e3, 249e3)
 
 
 def extensions(mu_pa: float, refinement: int = 1) -> dict[str, Any]:
     """Free extensions (m) by pressure, status at the last, stiffness and thrust area at rest."""
-    family = BellowTranslational(BellowTranslationalConfig.model_validate(DESIGN))
+    family = BellowTranslational(BellowTranslationalConfig.model_validate(EXTENDING))
     solver = solver_of(family.problem(refinement), mu_pa)
     state = rest = solver.rest()
     found = {}

@@ -62,7 +62,8 @@ def main() -> None:
             for which, own in settings.items()
         }
         found[f"creep_{name}_{kpa}"] = {"extra_kg": extra, "creep_m_s": creeps}
-        texts = ", ".join(f"{which} {_speed(value)}" for which, value in creeps.items())
+        shown = {k: "fell" if v is None else f"{1e3 * v:.3f} mm/s" for k, v in creeps.items()}
+        texts = ", ".join(f"{which} {value}" for which, value in shown.items())
         print(
             f"creep of the {name} at {kpa} kPa with {1e3 * extra:.0f} g: {texts} (to reach {1e3 * CREEP_M_S:g})"
         )
@@ -105,10 +106,6 @@ def creep_m_s(
     time_s, height = result.frames.time_s, result.frames.positions_m[:, 0, 2]
     late = int(abs(time_s - (time_s[-1] - HOLD_S)).argmin())
     return float((height[late] - height[-1]) / (time_s[-1] - time_s[late]))
-
-
-def _speed(creep_m_s: float | None) -> str:
-    return "fell" if creep_m_s is None else f"{1e3 * creep_m_s:.3f} mm/s"
 
 
 def _line(name: str, kpa: int, limits: dict[str, float]) -> str:

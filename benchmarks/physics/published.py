@@ -186,7 +186,7 @@ class NetworkLaw(JointLaw):
         return Effort(tau, dtau_dp, dtau_du)
 
     def record(self) -> LawRecord:
-        """The weights."""
+        """The network's weights as JSON values."""
         arrays = {
             f"{axis}_{k}": np.asarray(weight, float)
             for axis, net in zip(self.axes, self.networks, strict=True)

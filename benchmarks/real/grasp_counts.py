@@ -149,7 +149,7 @@ def published() -> list[tuple[int, int]]:
 
 
 def rows() -> list[dict[str, str]]:
-    """The reference table."""
+    """Rows of the reference table."""
     with TABLE.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 

@@ -113,12 +113,12 @@ class Scores:
         self.parts = (covered | True, covered, ~covered)
 
     def of_law(self, law: StaticLaw) -> Array:
-        """(t,) rad."""
+        """(t,) angles of a law, rad."""
         error: Array = self.bench.measured(self.unseen) - law.predict(*self.bench.pressures(self.unseen))
         return error
 
     def of_study(self, study: Study) -> Array:
-        """(t,) rad."""
+        """(t,) angles of a study's model, rad."""
         return self.bench.error(study, self.unseen)
 
     def line(self, name: str, training: float, blocked: float, error: Array) -> dict[str, Any]:

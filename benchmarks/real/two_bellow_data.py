@@ -133,7 +133,7 @@ class StaticLaw:
         return f"degree {self.degree} in {'p1 and p2' if self.apart else 'p1 - p2'}"
 
     def predict(self, p1: Array, p2: Array) -> Array:
-        """(t,) angle, rad."""
+        """(t,) the angle that the law predicts, rad."""
         return np.asarray(_columns(p1, p2, self.degree, self.apart) @ self.weights, float)
 
 

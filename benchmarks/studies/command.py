@@ -1,22 +1,214 @@
-"""What both studies take on the command line, and how they end."""
+"""What both studies do: their options, finished parts kept as JSON so that an interrupted one goes on, how they end.
+
+A study takes hours, and not everybody has them in one go, or on one checkout: what was published stands in for a part
+that this checkout lacks, as long as it is of the same study. What is asked for is always run.
+"""
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import importlib
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from benchmarks.output import machine, seconds_of
 from benchmarks.studies.page import DOCS, publish, require_main
-from benchmarks.studies.parts import Parts, published_parts
+from rich.console import Console
 
 from benchmarks import output
-from pliant.errors import INTERRUPTED, PliantError, UserError
+from pliant import __version__, api
+from pliant.cli.bars import TerminalProgress
+from pliant.cli.session import plain
+from pliant.config.study import Study
+from pliant.errors import INTERRUPTED, NotReachedError, PliantError, UserError
+from pliant.pipeline.study import DEFAULT_PHYSICS
+from pliant.pipeline.workbench import content
+from pliant.records.search import STATUSES, SearchResult
+from pliant.report.search_files import search_json
+from pliant.search.run.search import nothing_found
+from pliant.search.stage import search_study
 from pliant.store.store import write_atomically
+
+Part = dict[str, Any]
+# What a result has beside its main search.
+AROUND = ("small", "overrides", "published", "runs", "baseline", "seeds", "bars")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a folder.
+
+    Attributes:
+        folder: of NAME.json.
+        fresh: whether parts that are there are made anew.
+        published: parts that docs have, as far as a page needs them.
+    """
+
+    folder: Path
+    fresh: bool = False
+    published: Mapping[str, Part] = field(default_factory=dict)
+
+    def find(self, name: str, of: str) -> Part | None:
+        """A finished part, or None: it is missing, or was made of something else than `of`."""
+        try:
+            part: Part = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return part if part.get("made_of") == of else None
+
+    def known(self, name: str, of: str) -> Part | None:
+        """A finished part, or else the published one; None where neither is of the same study."""
+        docs = self.published.get(name, {})
+        return self.find(name, of) or (docs if docs.get("made_of") == of else None)
+
+    def get(self, name: str, of: str, make: Callable[[], Mapping[str, Any]]) -> Part:
+        """A finished part, made where it is missing."""
+        found = None if self.fresh else self.find(name, of)
+        if found is not None:
+            return found
+        self.folder.mkdir(parents=True, exist_ok=True)
+        made = {"made_of": of, **plain(make())}
+        write_atomically(self.folder / f"{name}.json", json.dumps(made, indent=1, allow_nan=False) + "\n")
+        return self.find(name, of) or made
+
+
+def published_parts(file: Path, main: str) -> dict[str, Part]:
+    """Part → what a published result keeps of it; nothing where there is no such file.
+
+    Args:
+        file: NAME.json of docs.
+        main: the search that the result is of: of it everything is kept.
+    """
+    try:
+        result = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    parts: dict[str, Part] = dict(result["runs"])
+    if main in parts:
+        whole = {key: value for key, value in result.items() if key not in AROUND}
+        parts[main] = {**whole, **parts[main]}
+    over_seeds = [part for own in result.get("seeds", {}).values() for part in own]
+    others = [result.get("baseline") or {}, *over_seeds]
+    return parts | {part["part"]: part for part in others if part}
+
+
+def made_of(study: Study) -> str:
+    """Names what the study says, files that it names by their content: a part of something else is out of date."""
+    return hashlib.sha256(json.dumps(content(study), sort_keys=True).encode()).hexdigest()[:32]
+
+
+# The reference kernel: a fixed piece of numpy work, to compare times of different machines.
+SIZE, SOLVES, ROUNDS = 400, 50, 5
+KERNEL = f"{SOLVES} solutions of a dense linear system of {SIZE} unknowns by numpy, one thread"
+MOST_ROWS, MOST_POINTS = 300, 40
+DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A search to be made: its name and words, the study's file, changes to it as on the command line."""
+
+    name: str
+    words: str
+    file: Path
+    overrides: tuple[str, ...] = ()
+
+    def opened(self, store: Path, more: Sequence[str] = (), quiet: bool = False) -> api.OpenStudy:
+        """The study; raises `UserError` where it is wrong."""
+        progress = TerminalProgress(Console(stderr=True, highlight=False), quiet)
+        return api.open_study(self.file, [*self.overrides, *more], store=store, progress=progress)
+
+
+def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[dict[str, Any], SearchResult]:
+    """Search and check; the result as JSON, and as the record.
+
+    Raises:
+        UserError: the study cannot be searched.
+        NotReachedError: nothing feasible was found.
+    """
+    here, before = machine(), kernel_s()
+    begun = time.perf_counter()
+    made = search_study(opened.bench, opened.study, workers=workers)
+    whole_s = time.perf_counter() - begun
+    result: SearchResult = made.value
+    if not result.best:
+        error: NotReachedError = nothing_found(result)
+        raise error
+    kernel = min(before, kernel_s())
+    found = {
+        "pliant": __version__,
+        "command": "optimize",
+        "study": opened.study.name,
+        "words": asked.words,
+        **search_json(result, engine_of(opened)),
+        "engine": engine_of(opened),
+        "history": history_rows(result),
+        "machine": here,
+        "workers": workers,
+        "reference_kernel": KERNEL,
+        "reference_kernel_s": kernel,
+        "wall_in_kernels": result.wall_s / kernel,
+        "whole_wall_s": whole_s,
+        # Then it was searched in an earlier session, and the kernel was timed in this one.
+        "from_store": made.cached,
+    }
+    return plain(found), result
+
+
+def kernel_s() -> float:
+    """Seconds of `KERNEL`, the fastest of a few rounds."""
+    random = np.random.default_rng(0)
+    matrix = random.random((SIZE, SIZE)) + SIZE * np.eye(SIZE)
+    right = random.random(SIZE)
+    return min(
+        seconds_of(lambda: [np.linalg.solve(matrix, right) for _ in range(SOLVES)], ROUNDS, time.perf_counter)
+    )
+
+
+def engine_of(opened: api.OpenStudy) -> str:
+    """The study's own engine."""
+    return opened.study.physics.kind if opened.study.physics is not None else DEFAULT_PHYSICS
+
+
+def history_rows(result: SearchResult) -> list[dict[str, Any]]:
+    """Evenly spread candidates: row, branch, context, status, objective and the best so far, as stated."""
+    history, sign = result.history, -1.0 if result.maximised[0] else 1.0
+    best = history.best_so_far()
+    return [
+        {
+            "row": int(row),
+            "branch": int(history.branch[row]),
+            "context": int(history.context[row]),
+            "status": STATUSES[int(history.status[row])],
+            "objective": sign * float(history.objectives[row, 0]),
+            "best": sign * float(best[row]),
+        }
+        for row in spread(len(history), MOST_ROWS)
+    ]
+
+
+def spread(count: int, most: int) -> list[int]:
+    """Indices 0 … count − 1, of many the evenly spread ones with both ends."""
+    return (
+        [int(k) for k in np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))] if count else []
+    )
+
+
+def brief(values: Any) -> Any:
+    """Numbers with six digits, in lists of any depth: files of docs are small."""
+    if isinstance(values, float | np.floating):
+        return float(f"{float(values):.{DIGITS}g}") if np.isfinite(values) else None
+    if isinstance(values, list | tuple | np.ndarray):
+        return [brief(value) for value in values]
+    return values
+
 
 OUT = output.OUT / "studies"
 STORES = output.ROOT / ".pliant" / "studies"
@@ -55,7 +247,7 @@ class Given:
 
     @property
     def folder(self) -> Path:
-        """Of the parts."""
+        """Folder of the study's finished parts."""
         return self.out / (f"{self.name}_small" if self.small else self.name)
 
     def parts(self, main: str) -> Parts:

@@ -28,13 +28,21 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.output import parser_of
-from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
-from benchmarks.studies.gripper_bars import bars, lines
-from benchmarks.studies.gripper_check import baseline
+from benchmarks.studies.command import (
+    Asked,
+    Given,
+    Part,
+    Parts,
+    arguments,
+    conclude,
+    given_of,
+    made_of,
+    run_command,
+    searched,
+)
+from benchmarks.studies.gripper_bars import bars, baseline, lines
 from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
-from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import GRIPPER
-from benchmarks.studies.searched import Asked, searched
 
 from pliant import api
 from pliant.config.study import Study
@@ -108,8 +116,7 @@ def few(study: Study) -> Study:
         "conditions": {name: search.conditions[name] for name in (tasks[0], tasks[-1])},
         "constraints": (),
     }
-    small: Study = study.model_copy(update={"search": search.model_copy(update=changes)})
-    return small
+    return study.model_copy(update={"search": search.model_copy(update=changes)})
 
 
 def candidates(opened: api.OpenStudy, grasps: int) -> int:

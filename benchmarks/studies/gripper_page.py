@@ -5,12 +5,142 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
 from benchmarks.pages import Result, Tables, table
-from benchmarks.studies import gripper_pictures, page
-from benchmarks.studies.gripper_bars import of_seeds
-from benchmarks.studies.gripper_check import engines_of, rise_m, stable
+from benchmarks.studies import page
+from benchmarks.studies.gripper_bars import engines_of, of_seeds, rise_m, stable
 from benchmarks.studies.page import Pictures, clock, millimetres, number, percent
 from benchmarks.studies.published import SOURCE
+
+from pliant.report.figures import style
+
+Steps = tuple[Any, Any]
+WIDE_PX = 1560
+COLUMNS = 4
+EARLY = 0.1  # of the grasps: from there on the scores of all seeds are to be seen
+
+
+def grasps_picture(result: Result) -> bytes | None:
+    """Per engine: stable grasps of the trials and z_max in every task, baseline and winners side by side."""
+    grippers = {"baseline": result["baseline"], **result["runs"]}
+    found = {name: engines_of(part) for name, part in grippers.items() if part and engines_of(part)}
+    engines = list(dict.fromkeys(engine for tasks in found.values() for engine in tasks))
+    if not engines:
+        return None
+    with style.canvas(WIDE_PX, 400 * len(engines) + 60) as figure:
+        grid = figure.subplots(len(engines), 2, squeeze=False)
+        for row, engine in zip(grid, engines, strict=True):
+            _bars(row[0], found, engine, "success_share", 100.0)
+            row[0].set_title(f"{engine}: stable grasps")
+            row[0].set_ylabel("% of the trials")
+            row[0].set_ylim(0, 105)
+            _bars(row[1], found, engine, "z_max_m", 1e3)
+            row[1].set_title(f"{engine}: rise of the object, mean of the trials")
+            row[1].set_ylabel("z_max (mm)")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(found))
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return style.small_png(figure).tobytes()
+
+
+def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: float) -> None:
+    tasks = list(dict.fromkeys(t for engines in found.values() for t in engines.get(engine, {})))
+    width = 0.8 / len(found)
+    for place, (name, engines) in enumerate(found.items()):
+        own = engines.get(engine, {})
+        values = [scale * own[task][metric] if task in own else np.nan for task in tasks]
+        at = np.arange(len(tasks)) + (place - (len(found) - 1) / 2) * width
+        colour = style.SOFT if name == "baseline" else style.SERIES[(place - 1) % len(style.SERIES)]
+        axes.bar(at, values, 0.92 * width, color=colour, label=name)
+    axes.set_xticks(range(len(tasks)), tasks)
+    axes.set_xlim(-0.6, len(tasks) - 0.4)
+    axes.grid(axis="x", visible=False)
+
+
+def policy_picture(result: Result) -> bytes | None:
+    """A panel per variable, a row per task: what the policy proposed in the last quarter of its search."""
+    tasks = result.get("policy") or {}
+    variables = [v for v in result.get("variables", []) if any(v["name"] in own for own in tasks.values())]
+    if not variables:
+        return None
+    columns = min(COLUMNS, len(variables))
+    rows = -(-len(variables) // columns)
+    with style.canvas(WIDE_PX, rows * (44 * len(tasks) + 130)) as figure:
+        grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+        for axes, variable in zip(grid, variables, strict=False):
+            _proposed(axes, variable, tasks)
+        for axes in grid[len(variables) :]:
+            axes.set_axis_off()
+        grid[0].set_yticks(range(len(tasks)), list(tasks))
+        grid[0].set_ylim(len(tasks) - 0.4, -0.6)
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return style.small_png(figure).tobytes()
+
+
+def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> None:
+    scale, unit = _shown(variable["unit"])
+    for row, own in enumerate(tasks.values()):
+        values = scale * np.array(own.get(variable["name"], []), float)
+        if not len(values):
+            continue
+        colour = style.SERIES[row % len(style.SERIES)]
+        shift = np.random.default_rng(row).uniform(-0.22, 0.22, (2, len(values)))
+        aside = 0.5 * shift[1] if variable["type"] == "integer" else 0.0
+        axes.scatter(values + aside, row + shift[0], 8, color=colour, lw=0, alpha=0.5)
+        axes.plot([np.median(values)] * 2, [row - 0.3, row + 0.3], color=colour, lw=2.2)
+    low, high = scale * variable["low"], scale * variable["high"]
+    pad = 0.06 * (high - low) or 0.5
+    axes.set_xlim(low - pad, high + pad)
+    axes.locator_params(axis="x", nbins=5, integer=variable["type"] == "integer")
+    axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)
+    axes.set_title(f"{variable['name']} ({unit})" if unit else variable["name"], fontsize=9.5)
+
+
+def _shown(unit: str) -> tuple[float, str]:
+    """Factor and name of the unit that is shown for an SI unit."""
+    known = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "rad": (180 / np.pi, "°")}
+    return known.get(unit, (1.0, unit))
+
+
+def seeds_picture(result: Result) -> bytes | None:
+    """Score of the best so far against the grasps made: a panel per optimizer, a line per seed, and their median."""
+    drawn = {
+        name: [_steps(part["curve"]) for part in parts] for name, parts in result["seeds"].items() if parts
+    }
+    if not drawn:
+        return None
+    with style.canvas(WIDE_PX, 480) as figure:
+        panels = figure.subplots(1, len(drawn), squeeze=False, sharex=True, sharey=True)[0]
+        for axes, (name, steps), colour in zip(panels, drawn.items(), style.SERIES, strict=False):
+            for grasps_made, scores in steps:
+                axes.plot(grasps_made, scores, drawstyle="steps-post", lw=0.9, alpha=0.6, color=colour)
+            axes.plot(*_median(steps), drawstyle="steps-post", lw=2.2, color=colour)
+            axes.set_title(f"{name}: {len(steps)} seed{'s' * (len(steps) > 1)} and their median")
+            axes.set_xlabel("grasps")
+        every = [one for steps in drawn.values() for one in steps]
+        early = [float(_at(one, EARLY * one[0][-1])) for one in every]
+        if np.isfinite(early).any():
+            panels[0].set_ylim(np.nanmin(early) - 0.05, max(np.nanmax(scores) for _, scores in every) + 0.05)
+        panels[0].set_ylabel("best score so far")
+        figure.set_layout_engine("constrained", w_pad=0.07)
+        return style.small_png(figure).tobytes()
+
+
+def _steps(curve: dict[str, Any]) -> Steps:
+    """Grasps made and the score since then, NaN before every task has one."""
+    return np.array(curve["grasps"], float), np.array(curve["score"], float)
+
+
+def _at(steps: Steps, grasps_made: Any) -> Any:
+    """The score at some numbers of grasps."""
+    before = np.searchsorted(steps[0], grasps_made, side="right") - 1
+    return np.where(before >= 0, steps[1][np.maximum(before, 0)], np.nan)
+
+
+def _median(steps: list[Steps]) -> Steps:
+    """Over seeds, from where all of them have a score."""
+    every = np.unique(np.concatenate([grasps_made for grasps_made, _ in steps]))
+    return every, np.median([_at(one, every) for one in steps], axis=0)
 
 
 def searches(result: Result) -> Iterator[str]:
@@ -144,9 +274,9 @@ def _of_task(metrics: Mapping[str, float] | None) -> str:
 
 
 PICTURES: Pictures = {
-    "grasps": gripper_pictures.grasps,
-    "policy": gripper_pictures.policy,
-    "seeds": gripper_pictures.seeds,
+    "grasps": grasps_picture,
+    "policy": policy_picture,
+    "seeds": seeds_picture,
 }
 WORDS = {
     "grasps": "Stable grasps and rise of every gripper, task and engine",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.studies.searched import brief, spread
+from benchmarks.studies.command import brief, spread
 
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, SearchResult

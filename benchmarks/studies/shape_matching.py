@@ -25,10 +25,22 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import parser_of
-from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
-from benchmarks.studies.parts import Part, Parts, made_of
+from benchmarks.studies.command import (
+    MOST_POINTS,
+    Asked,
+    Given,
+    Part,
+    Parts,
+    arguments,
+    brief,
+    conclude,
+    given_of,
+    made_of,
+    run_command,
+    searched,
+    spread,
+)
 from benchmarks.studies.published import SHAPE
-from benchmarks.studies.searched import MOST_POINTS, Asked, brief, searched, spread
 from benchmarks.studies.shape_bars import bars, lines
 
 from pliant import api
@@ -124,10 +136,7 @@ def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str,
 
 def _units(part: Part) -> dict[str, str]:
     """Of the variables, as found by the search, or as a published part keeps them."""
-    found: dict[str, str] = part.get("units") or {
-        one["name"]: one["unit"] for one in part.get("variables", ())
-    }
-    return found
+    return part.get("units") or {one["name"]: one["unit"] for one in part.get("variables", ())}
 
 
 def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:

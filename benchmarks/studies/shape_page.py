@@ -153,12 +153,12 @@ def strip(result: Result) -> bytes | None:
 
 
 def structure(one: dict[str, Any]) -> str:
-    """7-7-6-6"""
+    """Modules of the segments as text, 7-7-6-6."""
     return "-".join(str(value) for value in one["values"].values())
 
 
 def total(one: dict[str, Any]) -> int:
-    """Modules in all."""
+    """Modules of all segments."""
     return sum(int(value) for value in one["values"].values())
 
 

@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from benchmarks.output import Bar, parser_of, write
-from benchmarks.surrogates.held_out import as_json, left_out, line, scored, table
+from benchmarks.surrogates.kinds import as_json, left_out, line, scored, table
 
 from pliant.registry.discovery import Registry, discover
 

@@ -8,7 +8,7 @@ levels with a free point only in three interleaved groups. Misses are of the mom
 rows used.
 
 The tendon joint ends at stops: past u = −0.02 rad the moment rises five times as steeply, and the last free point
-(7.925 N) lies beyond a second one (`benchmarks.families.tendon_data`). Four of its free points lie 4 to 10 mrad, up to
+(7.925 N) lies beyond a second one (`benchmarks.families.tendon_joint`). Four of its free points lie 4 to 10 mrad, up to
 1.3 % of the range, from where their own constrained branch leads. So it is scored on all rows, on the rows between the
 stops, and on the constrained rows between the stops.
 """
@@ -77,7 +77,7 @@ def published(name: str) -> FemDataset:
 
 
 def fifth(data: FemDataset) -> Iterator[Mask]:
-    """One seeded fifth."""
+    """A fifth of the states, drawn with a seed."""
     chosen = np.zeros(len(data), bool)
     chosen[np.random.default_rng(SEED).permutation(len(data))[: len(data) // 5]] = True
     yield chosen

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import Bar, parser_of, write
-from benchmarks.surrogates.held_out import misses_of, table
+from benchmarks.surrogates.kinds import misses_of, table
 from scipy.stats import qmc
 
 from pliant.interfaces.meta_model import DesignLaws
@@ -86,8 +86,7 @@ def _range(designs: SolvedDesigns) -> Array:
     grid = (designs.values - designs.box[:, 0]) / designs.scale
     near = np.min(np.max(np.abs(places[:, None] - grid[None]), axis=2), axis=1)
     steps = [np.diff(np.unique(np.round(column, 9))).max() for column in grid.T]
-    inside: Array = points[near <= max(steps) / 2 + 1e-9]
-    return inside
+    return points[near <= max(steps) / 2 + 1e-9]
 
 
 def study(grid: str, seeds: int, counts: list[int]) -> None:

@@ -1,15 +1,30 @@
-"""Surrogates by kind through the registry, and the designs that benchmarks fit them to."""
+"""What benchmarks of laws share: surrogates by kind, shipped designs, scores of meta-models that are fitted already."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from benchmarks.output import ROOT
 
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
+from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
 from pliant.interfaces.surrogate import Surrogate
+from pliant.pipeline.meta_model.cross_validation import (
+    LeftOutResiduals,
+    Scores,
+    misses_left_out,
+    parts_of,
+    scores_of,
+)
+from pliant.pipeline.meta_model.designs import from_table
 from pliant.records.fem import ModuleData
+from pliant.records.law import LawRecord
+from pliant.records.solved import SolvedDesigns
 from pliant.registry.discovery import Registry, discover
 from pliant.tabular.fem_reading import read_designs_table, read_module_table
 
@@ -51,3 +66,59 @@ def helical_designs() -> list[ModuleData]:
 def bending_reference() -> ModuleData:
     """The reference bending design."""
     return read_module_table(BENDING_REFERENCE)
+
+
+TABLES = Path(__file__).resolve().parents[2] / "examples/designs"
+FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical"}
+
+
+class Fitted(MetaModel):
+    """A model that is fitted already, for the scores of `cross_validation`: what is left out was never seen anyway."""
+
+    def __init__(self, laws: DesignLaws) -> None:
+        super().__init__(MetaModelConfig(kind="fitted"))
+        self.laws = laws
+
+    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
+        return FittedMetaModel(self.laws)
+
+    def load(self, record: LawRecord) -> DesignLaws:
+        raise NotImplementedError
+
+
+def table(name: str) -> SolvedDesigns:
+    """The designs of examples/designs/NAME.csv, e.g. `bending_grid`."""
+    return from_table(TABLES / f"{name}.csv", FAMILIES[name.split("_")[0]]).designs
+
+
+def misses_of(laws: DesignLaws, designs: SolvedDesigns) -> LeftOutResiduals:
+    """What a fitted model misses on designs."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole = [np.arange(len(designs))]
+        return misses_left_out(Fitted(laws), designs, whole, Path(folder), Silent())
+
+
+def scored(laws: DesignLaws, designs: SolvedDesigns) -> Scores:
+    """Scores of a fitted model on all of some designs."""
+    return scores_of(designs, misses_of(laws, designs))["all"]
+
+
+def left_out(model: MetaModel, designs: SolvedDesigns, folds: int) -> dict[str, Scores]:
+    """Scores on the designs of each of some seeded parts, left out in turn."""
+    with tempfile.TemporaryDirectory() as folder:
+        parts = parts_of(designs, folds, model.fewest, stated=False)
+        return scores_of(designs, misses_left_out(model, designs, parts, Path(folder), Silent()))
+
+
+def line(name: str, scores: Scores) -> str:
+    """The scores as a printed row."""
+    r2 = " ".join(f"{axis} {one.r2:.6f}" for axis, one in scores.axes.items())
+    worst = " ".join(f"{100 * one.worst_of_range:.2f}" for one in scores.axes.values())
+    free = f"free angle {100 * scores.free_median:.2f} % median, {100 * scores.free_worst:.2f} % worst"
+    lost = f", {scores.free_lost} lost" if scores.free_lost else ""
+    return f"  {name:30} {scores.n_designs:3d} designs  R² {r2}  worst {worst} % of range  {free}{lost}"
+
+
+def as_json(scores: dict[str, Scores]) -> dict[str, Any]:
+    """The scores as JSON for benchmarks/out."""
+    return {place: one.as_values() for place, one in scores.items()}

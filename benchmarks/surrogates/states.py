@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import OUT, Bar, parser_of, write
-from benchmarks.surrogates.held_out import table
+from benchmarks.surrogates.kinds import table
 from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
 from benchmarks.surrogates.states_least_squares import data_of, least_squares
 from benchmarks.surrogates.states_process import KINDS, Views, greedy, likeliest, predicted
@@ -87,8 +87,7 @@ def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
     posterior = Posterior.of(system, terms, prior_of(system, terms))
     assert posterior is not None
     x, v = Views.of(states, 1.0).places.T
-    found: Array = values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
-    return found
+    return values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
 
 
 def component(states: Truth, rows: list[int], kind: str) -> Array | None:
@@ -102,8 +101,7 @@ def component(states: Truth, rows: list[int], kind: str) -> Array | None:
         law = Polynomial(PolynomialConfig(max_degree=DEGREE)).fit_module(data).law
     except UserError:
         return None
-    found: Array = law.evaluate(states.actuation, states.angle_rad[:, None]).tau[:, 0] / np.ptp(states.tau)
-    return found
+    return law.evaluate(states.actuation, states.angle_rad[:, None]).tau[:, 0] / np.ptp(states.tau)
 
 
 def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], list[int]]:

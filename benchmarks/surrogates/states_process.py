@@ -95,8 +95,7 @@ def likeliest(designs: Sequence[Views], orders: Orders) -> Array:
             return FAILED
 
     options = {"maxiter": 60, "xatol": 0.01, "fatol": 0.05}
-    found: Array = np.exp(minimize(cost, np.log(START), method="Nelder-Mead", options=options).x)
-    return found
+    return np.exp(minimize(cost, np.log(START), method="Nelder-Mead", options=options).x)
 
 
 def greedy(places: Array, orders: Orders, lengths: Array, count: int) -> list[int]:

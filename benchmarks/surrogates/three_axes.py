@@ -38,8 +38,7 @@ def fresh(data: ModuleData) -> Mask:
     at = np.column_stack([data.actuation / 1e6, np.abs(data.deformation[:, [0, 2]]), data.deformation[:, 1]])
     fitted = at[data.role == "fit"]
     apart = np.abs(at[:, None] - fitted[None]).max(axis=2).min(axis=1) > 1e-7
-    found: Mask = (data.role == "check") & apart & np.isin(data.status, TRUSTED)
-    return found
+    return (data.role == "check") & apart & np.isin(data.status, TRUSTED)
 
 
 def by_axis(law: JointLaw, data: ModuleData) -> Scores:

@@ -13,6 +13,7 @@ from scipy.stats import qmc
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.manifest import FINGER
 
 MU_PA = 240e3
 PRESSURE_PA = 15e3
@@ -65,8 +66,7 @@ def _stored(path: Path, shares: tuple[float, float], levels: tuple[int, int], ch
 
 
 def _solve(shares: tuple[float, float], levels: tuple[int, int], count: int) -> dict[str, object]:
-    lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
-    family = BellowBending(BellowBendingConfig.model_validate(lengths))
+    family = BellowBending(BellowBendingConfig.model_validate(FINGER))
     solver = solver_of(family.problem(), MU_PA)
     state, free = solver.rest(), []
     for pressure in np.linspace(0, PRESSURE_PA, 13)[1:]:
@@ -88,15 +88,12 @@ def _solve(shares: tuple[float, float], levels: tuple[int, int], count: int) -> 
         state = solver.constrained(*(float(x) for x in places[left[place]]), start=solved[start])
         found[int(left[place])] = state
         solved.append(state)
-    rows = [_row(found[k]) for k in range(len(places))]
+    names = [
+        {"tau": "moment_n_m", "dtau_dp": "dmoment_dp", "dtau_du": "dmoment_du"}.get(c, c) for c in COLUMNS
+    ]
+    rows = [[getattr(found[k], name) for name in names] for k in range(len(places))]
     return {"columns": COLUMNS, "box": box.tolist(), "grid": len(grid), "states": rows}
 
 
-def _row(state: FemState) -> list[float]:
-    efforts = (state.moment_n_m, state.dmoment_dp, state.dmoment_du)
-    return [state.actuation, state.angle_rad, *efforts, state.energy_j, state.travel]
-
-
 def _lobatto(low: float, high: float, n: int) -> Array:
-    nodes: Array = (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * np.arange(n) / (n - 1))
-    return nodes
+    return (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * np.arange(n) / (n - 1))

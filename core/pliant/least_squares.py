@@ -28,7 +28,7 @@ class Point:
 
 
 class Problem(Protocol):
-    """What is minimised."""
+    """A nonlinear least-squares problem: residuals and cost at any point."""
 
     def point(self, x: Array) -> Point | None:
         """Residuals and cost at x; None, or an infinite cost, where x makes no sense."""

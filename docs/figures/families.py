@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from pliant_plugins.families.bellow.profile import BellowProfile
-from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
+from pliant_plugins.families.bellow_bending.mesh import BellowGeometry
 from pliant_plugins.families.bellow_helical.family import OFFSET, BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 

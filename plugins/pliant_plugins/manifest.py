@@ -234,8 +234,8 @@ def _engines() -> list[Component]:
         Component(
             interface="task",
             kind="free_bending",
-            config=f"{HERE}.tasks.free_bending:FreeBendingConfig",
-            implementation=f"{HERE}.tasks.free_bending:FreeBending",
+            config=f"{HERE}.tasks.ramp:FreeBendingConfig",
+            implementation=f"{HERE}.tasks.ramp:FreeBending",
             summary="actuate the chain and let it settle",
             example={"pressure": "15 kPa"},
         ),
@@ -266,8 +266,8 @@ def _engines() -> list[Component]:
         Component(
             interface="task",
             kind="tip_load",
-            config=f"{HERE}.tasks.tip_load:TipLoadConfig",
-            implementation=f"{HERE}.tasks.tip_load:TipLoad",
+            config=f"{HERE}.tasks.ramp:TipLoadConfig",
+            implementation=f"{HERE}.tasks.ramp:TipLoad",
             summary="actuate the chain with a payload or a force at its tip",
             example={"pressure": "15 kPa", "payload": "13 g"},
         ),

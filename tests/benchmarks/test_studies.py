@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 from benchmarks.output import Bar, ratio
 from benchmarks.studies import gripper_codesign, gripper_page, gripper_policy, shape_matching, shape_page
-from benchmarks.studies.command import Given, run_command
-from benchmarks.studies.gripper_bars import of_seeds, worst_law
-from benchmarks.studies.gripper_check import rise_m, stable
+from benchmarks.studies.command import (
+    Given,
+    Parts,
+    brief,
+    kernel_s,
+    made_of,
+    published_parts,
+    run_command,
+    spread,
+)
+from benchmarks.studies.gripper_bars import of_seeds, rise_m, stable, worst_law
 from benchmarks.studies.page import DOCS, MARK, number, publish, reached, rendered
-from benchmarks.studies.parts import Parts, made_of, published_parts
-from benchmarks.studies.searched import brief, kernel_s, spread
 from benchmarks.studies.shape_bars import apart, bars
 
 from pliant import api

@@ -138,6 +138,9 @@ def test_a_study_that_extends_another_gives_a_winner_too(json_of, write, workpla
     study = load_study(workplace / "runs/child/best.yaml", discover())
     assert study.search is None
     assert study.task.pressure_pa == best["controls"]["task.pressure_pa"]
+    json_of("optimize", "study.yaml", "--workers", 1, "--full", "--out", "alone")
+    assert "extends" not in (workplace / "alone/best.yaml").read_text()
+    assert load_study(workplace / "alone/best.yaml", discover()).canonical() == study.canonical()
 
 
 def test_overrides_are_searched_and_written(found, workplace):

@@ -24,7 +24,7 @@ FOLLOW = "task={kind: follow_shape, pressure: 15 kPa, target: %s}"
             "give 'radius' and 'height' of a helix, or 'points: curve.csv'.",
         ),
         (FOLLOW % "{radius: 1 mm, height: 1 mm, points: c.csv}", "or 'points: curve.csv', and not both."),
-        (FOLLOW % "{points: curve.csv}", "curve.csv cannot be read (No such file or directory)"),
+        (FOLLOW % "{points: curve.csv}", "curve.csv: the table cannot be read (no such file)"),
         (
             "task={kind: grasp, object: egg, pressure: 1 kPa, inclination: 100 deg}",
             "'task.inclination' is 1.74533; it should be less than 1.5",

@@ -55,38 +55,63 @@ def test_a_study_is_typed_by_its_kinds(write):
     assert study.chain.gravity_m_s2 == (0.0, 0.0, -9.81)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("physics: quasistatic", "physics: mojoco", ["line 12", "'mojoco'; did you mean 'mujoco'?"]),
-        ("wall: 1.5 mm", "wal: 1.5 mm", ["line 7", "'wal' is not a key of family; did you mean 'wall'?"]),
-        ("wall: 1.5 mm", "wall: 35 kPa", ["line 7", "'35 kPa' is a pressure", "a length such as '1.5 mm'"]),
-        ("wall: 1.5 mm", "wall: [1]", ["line 7", "family.wall"]),
-        ("modules: 8", "modules: 0", ["line 11", "chain.modules", "greater than or equal to 1"]),
-        ("modules: 8", "modules: 8, modules: 9", ["line 11", "'modules' stands twice"]),
-        ("name: finger", "name: a/b", ["line 2", "name"]),
-        ("name: finger", "name: finger\nname: twice", ["'name' stands twice"]),
-        ("name: finger\n", "", ["'name' is missing"]),
-        ("  wall: 1.5 mm\n", "", ["line 3", "'family.wall' is missing"]),
-        ("chain: {modules: 8}", "chain: {modules: 8", ["line 12", "not YAML"]),
-        ("chain: {modules: 8}", "chain: 8", ["line 11", "needs a block"]),
-        ("kind: bellow_bending", "knd: bellow_bending", ["family.kind", "did you mean 'kind'?"]),
-        ("pliant: 1", "pliant: 2", ["line 1", "pliant"]),
-        (
-            "pressure: 15 kPa}",
-            "pressure: 15 kPa}\neffects: [{kind: stifness}]",
-            ["did you mean 'stiffness'?"],
-        ),
-    ],
-)
-def test_each_mistake_has_its_line_and_its_sentence(write, old, new, words):
+WALL, MODULES, NAME = "wall: 1.5 mm", "modules: 8", "name: finger"
+CHAIN = "chain: {modules: 8}"
+# In the study, instead, the line that is named, what is said.
+MISWRITTEN = [
+    ("physics: quasistatic", "physics: mojoco", 12, "'mojoco'; did you mean 'mujoco'?"),
+    (WALL, "wal: 1.5 mm", 7, "'wal' is not a key of family; did you mean 'wall'?"),
+    (WALL, "wall: 35 kPa", 7, "'35 kPa' is a pressure or modulus; it needs a length such as '1.5 mm'"),
+    (WALL, "wall: [1]", 7, "family.wall"),
+    (WALL, "wall:\t1.5 mm", 7, "there is a tab"),
+    (WALL, "wall: !mm 1.5", 7, "no tags such as '!mm'"),
+    (WALL, "wall: !!python/object:os.system 1.5", 7, "no tags"),
+    (WALL, "wall: true", 7, "true or false, not a number"),
+    (WALL, "wall: '1,5 mm'", 7, "'1,5 mm' has a comma"),
+    (WALL, "wall: 3*5 mm", 7, "'3*5 mm' is not a quantity"),
+    (WALL, "wall: 1:30", 7, "'1:30' is not a quantity"),
+    ("  wall: 1.5 mm\n", "", 3, "'family.wall' is missing"),
+    (MODULES, "modules: 0", 11, "greater than or equal to 1"),
+    (MODULES, "modules: 8, modules: 9", 11, "'modules' stands twice"),
+    (MODULES, "modules: true", 11, "true or false, not a number"),
+    (MODULES, "modules: 8.5", 11, "should be a whole number."),
+    (MODULES, f"modules: {'9' * 5000}", None, "a value cannot be read"),
+    (MODULES, "modules: 8, gravity: 9.81", 11, "needs a list such as [a, b]"),
+    (MODULES, "modules: 8, gravity: [0, 0, 0, 1]", 11, "at most 3 items"),
+    (MODULES, "modules: 8, actuators: [{input: p}]", 11, "should be pressure_pa"),
+    ("chain: {", "chain: !x {", 11, "no tags such as '!x'"),
+    (CHAIN, "chain: {modules: 8", 12, "not YAML"),
+    (CHAIN, "chain: 8", 11, "needs a block"),
+    (CHAIN, "surrogate: {kind: polynomial, data: 3}", 11, "'surrogate.data' is 3; it should be a text"),
+    (CHAIN, "surrogate: {kind: polynomial, odd: maybe}", 11, "it should be true or false"),
+    (CHAIN, "surrogate: {kind: polynomial, odd: true}", 11, "'surrogate': odd replaces"),
+    (CHAIN, f"noise: {'{a: ' * 2000}1{'}' * 2000}", None, "nested too deeply"),
+    (NAME, "name: a/b", 2, "A-Z a-z 0-9"),
+    (NAME, "name: finger\nname: twice", 3, "'name' stands twice"),
+    ("name: finger\n", "", None, "'name' is missing"),
+    (NAME, f"name: {'x' * 300}", 2, "it should have at most 100 characters"),
+    (NAME, "name: 3", 2, "'name' is 3; it should be a text"),
+    (NAME, "name:", 2, "'name' is empty"),
+    (NAME, "name: finger\n3: 4", 3, "'3' is not a key"),
+    (NAME, "name: finger\n---\npliant: 1", 3, "a second document"),
+    ("pliant: 1", "pliant: 2", 1, "pliant"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), MISWRITTEN, ids=[m[1][:40] for m in MISWRITTEN])
+def test_what_people_miswrite_is_said_in_their_words_with_its_line(write, old, new, line, words):
     assert old in STUDY
     text = problem(write(STUDY.replace(old, new, 1)))
-    for word in words:
-        assert word in text
+    assert words in text and (line is None or f"line {line}" in text)
+    for jargon in ("tuple", "TaggedScalar", "datetime", "None", "class '", "Input", "regex", "pydantic"):
+        assert jargon not in text
+    assert len(text) < 500
 
 
 def test_several_mistakes_are_told_together(write):
+    effect = problem(write(STUDY + "effects: [{kind: stifness}]"))
+    assert "line 14" in effect and "did you mean 'stiffness'?" in effect
+    assert "did you mean 'kind'?" in problem(write(STUDY.replace("kind: bellow", "knd: bellow")))
     text = problem(write(STUDY.replace("wall: 1.5 mm", "wal: 1 mm").replace("modules: 8", "modules: no")))
     assert "'wal'" in text
     assert "chain.modules" in text
@@ -154,17 +179,12 @@ def test_override_of_a_list_item(write):
         ("family.wall", "is not an override"),
         ("=3", "is not an override"),
         ("chain.modules=x", "override chain.modules=x"),
+        (f"chain.modules={'9' * 5000}", "chain.modules"),
+        ("effects.²=1", "'effects'"),
     ],
 )
 def test_wrong_overrides(write, override, words):
     assert words in problem(write(STUDY), [override])
-
-
-def test_paths_are_relative_to_the_file_that_states_them(write, tmp_path):
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "base.yaml").write_text("name: b\nsurrogate: {kind: polynomial, data: law.csv}\n")
-    child = write("extends: sub/base.yaml\nname: child\n")
-    assert load_study(child, REGISTRY).surrogate.data == tmp_path / "sub" / "law.csv"
 
 
 keys = st.sampled_from(["a", "b", "c"])
@@ -202,57 +222,10 @@ def test_schema_lists_every_installed_kind():
     assert references <= set(schema["$defs"])
 
 
-MISWRITTEN = [
-    ("wall: 1.5 mm", "wall:\t1.5 mm", ["line 7", "there is a tab"]),
-    ("wall: 1.5 mm", "wall: !mm 1.5", ["line 7", "no tags such as '!mm'"]),
-    ("wall: 1.5 mm", "wall: !!python/object:os.system 1.5", ["line 7", "no tags"]),
-    ("chain: {", "chain: !x {", ["line 11", "no tags such as '!x'"]),
-    ("wall: 1.5 mm", "wall: true", ["line 7", "'family.wall'", "true or false, not a number"]),
-    ("wall: 1.5 mm", "wall: '1,5 mm'", ["line 7", "'1,5 mm' has a comma", "a point"]),
-    ("wall: 1.5 mm", "wall: 3*5 mm", ["line 7", "'3*5 mm' is not a quantity"]),
-    ("wall: 1.5 mm", "wall: 1:30", ["line 7", "'1:30' is not a quantity"]),
-    ("modules: 8", "modules: true", ["line 11", "true or false, not a number"]),
-    ("modules: 8", "modules: 8.5", ["line 11", "should be a whole number."]),
-    ("modules: 8", f"modules: {'9' * 5000}", ["a value cannot be read"]),
-    ("modules: 8", "modules: 8, gravity: 9.81", ["line 11", "needs a list such as [a, b]"]),
-    ("modules: 8", "modules: 8, gravity: [0, 0, 0, 1]", ["line 11", "at most 3 items"]),
-    ("modules: 8", "modules: 8, actuators: [{input: p}]", ["line 11", "should be pressure_pa"]),
-    ("name: finger", "name: größe", ["line 2", "A-Z a-z 0-9"]),
-    ("name: finger", f"name: {'x' * 300}", ["line 2", "it should have at most 100 characters"]),
-    ("name: finger", "name: 3", ["line 2", "'name' is 3; it should be a text"]),
-    ("name: finger", "name:", ["line 2", "'name' is empty"]),
-    ("name: finger", "name: finger\n3: 4", ["line 3", "'3' is not a key"]),
-    ("name: finger", "name: finger\n---\npliant: 1", ["line 3", "a second document"]),
-    (
-        "chain: {modules: 8}",
-        "surrogate: {kind: polynomial, data: 3}",
-        ["'surrogate.data' is 3; it should be a text"],
-    ),
-    ("chain: {modules: 8}", "surrogate: {kind: polynomial, odd: maybe}", ["it should be true or false"]),
-    ("chain: {modules: 8}", f"noise: {'{a: ' * 2000}1{'}' * 2000}", ["nested too deeply"]),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "words"), MISWRITTEN, ids=[new[:40] for _, new, _ in MISWRITTEN])
-def test_what_people_miswrite_is_said_in_their_words(write, old, new, words):
-    text = problem(write(STUDY.replace(old, new, 1)))
-    for word in words:
-        assert word in text
-    for jargon in ("tuple", "TaggedScalar", "datetime", "None", "class '", "Input", "regex"):
-        assert jargon not in text
-    assert len(text) < 500
-
-
 def test_names_of_coefficients_are_shown_as_they_are_written(write):
     stated = "surrogate: {kind: polynomial, form: study, coefficients: {k_x: 1, m_a: 1, m_e: 1, b_e: 1}}\n"
     text = problem(write(STUDY + stated))
     assert "did you mean 'k_n'? Allowed: k_n, m_a" in text
-
-
-def test_a_plugins_own_sentence_stands_alone(write):
-    text = problem(write(STUDY + "surrogate: {kind: polynomial, odd: true}\n"))
-    assert "'surrogate': odd replaces" in text
-    assert "{" not in text
 
 
 def test_merge_keys_anchors_and_aliases(write):
@@ -294,14 +267,6 @@ def test_an_empty_list_of_effects_is_none(write):
     assert load_study(write(STUDY + "effects:\ncross_check:\n"), REGISTRY).effects == ()
 
 
-def test_a_digit_that_is_no_number_in_an_override(write):
-    assert "'effects'" in problem(write(STUDY), ["effects.²=1"])
-
-
-def test_an_override_that_yaml_cannot_read(write):
-    assert "chain.modules" in problem(write(STUDY), [f"chain.modules={'9' * 5000}"])
-
-
 def test_a_base_in_another_folder_keeps_its_own_relative_paths(tmp_path):
     (tmp_path / "data").mkdir()
     (tmp_path / "own").mkdir()
@@ -316,16 +281,14 @@ def test_a_base_in_another_folder_keeps_its_own_relative_paths(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("{wal: 2 mm}", ["line 14", "'wal' is not a key of chain.segments.1.family; did you mean 'wall'?"]),
-        ("{wall: 9 kPa}", ["line 14", "'chain.segments.1.family.wall'", "a length such as '1.5 mm'"]),
-        ("{wall: }", ["line 14", "'chain.segments.1.family.wall' is empty"]),
-        ("{kind: other}", ["line 14", "'chain.segments.1.family.kind' is 'other'"]),
-        ("{}, module: 3", ["line 14", "'module' is not a key of chain.segments.1; did you mean 'modules'?"]),
+        ("{wal: 2 mm}", "'wal' is not a key of chain.segments.1.family; did you mean 'wall'?"),
+        ("{wall: 9 kPa}", "'chain.segments.1.family.wall'"),
+        ("{wall: }", "'chain.segments.1.family.wall' is empty"),
+        ("{kind: other}", "'chain.segments.1.family.kind' is 'other'"),
+        ("{}, module: 3", "'module' is not a key of chain.segments.1; did you mean 'modules'?"),
     ],
 )
 def test_mistakes_in_segments_have_their_lines(write, change, words):
     segments = f"chain:\n  segments:\n    - {{modules: 2}}\n    - {{modules: 2, family: {change}}}"
     text = problem(write(STUDY.replace("chain: {modules: 8}", segments)))
-    for word in words:
-        assert word in text
-    assert "pydantic" not in text
+    assert words in text and "line 14" in text and "pydantic" not in text

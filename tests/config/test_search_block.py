@@ -72,32 +72,6 @@ CONDITIONS = "conditions: {egg: {task.extra_weights: 1}, rod: {task.extra_weight
 
 
 @pytest.mark.parametrize(
-    ("variables", "message"),
-    [
-        (
-            "a: {key: task.friction, low: 0, high: 1, only: egs}",
-            "no condition is called; did you mean 'egg'?",
-        ),
-        (
-            "a: {key: task.friction, low: 0, high: 1}\n  b: {key: task.friction, low: 0, high: 1, only: rod}",
-            "'task.friction' is set by variable 'a' and 'b' in condition 'rod'",
-        ),
-        (
-            "a: {key: [task.friction, task.friction], low: 0, high: 1}",
-            "'task.friction' is set by variable 'a' twice",
-        ),
-    ],
-)
-def test_no_key_is_set_twice_in_a_condition(tmp_path, variables, message):
-    assert message in refused(tmp_path, one(variables, CONDITIONS))
-
-
-def test_variables_of_different_conditions_may_share_a_key(tmp_path):
-    both = "a: {key: task.friction, low: 0, high: 1, only: egg}\n  b: {key: task.friction, low: 0, high: 2, only: rod}"
-    assert len(search_study(tmp_path, one(both, CONDITIONS)).search.variables) == 2
-
-
-@pytest.mark.parametrize(
     "block", ["robust: {vary: {task.frction: 5 %}}", "verify: {change: {task.frction: 1}}"]
 )
 def test_keys_of_scenarios_and_of_the_check_are_looked_up(tmp_path, block):
@@ -153,3 +127,31 @@ def test_paths_are_beside_the_file(tmp_path):
         ),
     )
     assert grasp.search.conditions["a"]["task.object"]["mesh"] == str(tmp_path / "p.stl")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "message"),
+    [
+        ("task.friction, low: 0, high: 1, only: egs", "", "no condition is called; did you mean 'egg'?"),
+        (
+            "task.friction, low: 0, high: 1",
+            "rod",
+            "'task.friction' is set by variable 'a' and 'b' in condition 'rod'",
+        ),
+        (
+            "[task.friction, task.friction], low: 0, high: 1",
+            "",
+            "'task.friction' is set by variable 'a' twice",
+        ),
+        ("task.friction, low: 0, high: 1, only: egg", "rod", ""),
+    ],
+)
+def test_no_key_is_set_twice_in_a_condition_and_those_of_different_conditions_may_share_it(
+    tmp_path, first, second, message
+):
+    other = f"\n  b: {{key: task.friction, low: 0, high: 2, only: {second}}}" if second else ""
+    search = one(f"a: {{key: {first}}}{other}", CONDITIONS)
+    if message:
+        assert message in refused(tmp_path, search)
+    else:
+        assert len(search_study(tmp_path, search).search.variables) == 2

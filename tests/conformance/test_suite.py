@@ -13,14 +13,15 @@ from pliant.testing import (
     BoundCheck,
     CheckFailure,
     CheckSkipped,
+    Finding,
     Subject,
+    agree,
     check_component,
     check_family,
     checks_for,
     parametrize_with_checks,
     run_checks,
 )
-from pliant.testing.suite import Finding, agree
 
 CASES = [(interface, case) for interface in broken.SUITES for case in broken.of(interface)]
 # Checks that their broken plugin fails by an exception of its own.

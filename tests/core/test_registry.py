@@ -145,21 +145,6 @@ def test_a_wrong_manifest_is_remembered(monkeypatch, components, cause):
     assert cause in registry.failures[0].cause
 
 
-def test_a_generator_of_components_is_as_good_as_a_list(monkeypatch):
-    registry = discover_with(monkeypatch, FakeEntry("lazy", lambda: module_with(effect(k) for k in "ab")))
-    assert {"a", "b"} <= set(registry.kinds("effect"))
-
-
-def test_a_generator_that_fails_half_way_is_remembered(monkeypatch):
-    def components():
-        yield effect("early")
-        raise RuntimeError("no licence")
-
-    registry = discover_with(monkeypatch, FakeEntry("lazy", lambda: module_with(components())))
-    assert "no licence" in registry.failures[0].cause
-    assert "early" not in registry.kinds("effect")
-
-
 def test_a_half_removed_package_is_remembered(tmp_path):
     info = tmp_path / "ghost-1.0.dist-info"
     info.mkdir()
@@ -198,16 +183,6 @@ def test_a_wrong_config_model_names_component_and_package(config, cause):
     assert cause in str(caught.value)
 
 
-@pytest.mark.parametrize("module", ["no_such_module_anywhere.inner", "pliant.errors.inner"])
-def test_a_missing_inner_module_is_missing(module):
-    assert effect(requires=(module,)).missing() == module
-
-
-def test_a_module_without_the_hook_is_remembered(monkeypatch):
-    registry = discover_with(monkeypatch, FakeEntry("empty", lambda: ModuleType("empty")))
-    assert "has no @hookimpl pliant_components" in registry.failures[0].cause
-
-
 def test_a_kind_defined_twice_names_both_packages(monkeypatch):
     module = module_with([effect("stiffness")])
     registry = discover_with(monkeypatch, FakeEntry("second", lambda: module))
@@ -226,13 +201,26 @@ def test_unknown_kind_names_the_close_match_the_known_and_the_failed(monkeypatch
     assert "broken (ImportError: no wheel)" in text
 
 
+def test_components_may_come_from_a_generator_which_may_fail(monkeypatch):
+    def components():
+        yield effect("early")
+        raise RuntimeError("no licence")
+
+    lazy = FakeEntry("lazy", lambda: module_with(effect(k) for k in "ab"))
+    failing, empty = (
+        FakeEntry("failing", lambda: module_with(components())),
+        FakeEntry("empty", lambda: ModuleType("e")),
+    )
+    registry = discover_with(monkeypatch, lazy, failing, empty)
+    assert {"a", "b"} <= set(registry.kinds("effect")) and "early" not in registry.kinds("effect")
+    causes = {failure.name: failure.cause for failure in registry.failures}
+    assert "no licence" in causes["failing"] and "has no @hookimpl pliant_components" in causes["empty"]
+    assert discover(extra=[module_with([effect("local")])]).get("effect", "local").package == "some_package"
+
+
 def test_a_missing_package_says_what_to_install():
+    for module in ("no_such_module_anywhere.inner", "pliant.errors.inner"):
+        assert effect(requires=(module,)).missing() == module
     component = effect(requires=("no_such_module_anywhere",), install="pip install 'x[y]'")
     with pytest.raises(MissingDependencyError, match=r"needs no_such_module_anywhere: pip install 'x\[y\]'"):
         component.build(component.config_model()(kind="stiffness"))
-
-
-def test_extra_modules_join_the_installed_ones():
-    registry = discover(extra=[module_with([effect("local")])])
-    assert registry.get("effect", "local").package == "some_package"
-    assert discovery.GROUP == "pliant"

@@ -52,27 +52,6 @@ def test_any_text_is_a_number_or_a_sentence(text, unit):
 
 
 @pytest.mark.parametrize(
-    ("text", "unit", "words"),
-    [
-        ("35 kPa", "m", "is a pressure or modulus; it needs a length such as '1.5 mm'"),
-        ("2 mm", "Pa", "is a length; it needs a pressure or modulus"),
-        ("3 blorps", "m", "unknown unit 'blorps'"),
-        ("mm", "m", "is not a quantity"),
-        ("", "m", "is not a quantity"),
-        ("__import__('os')", "m", "is not a quantity"),
-        ("1 (2", "m", "is not a quantity"),
-    ],
-)
-def test_wrong_texts_say_what_is_needed(text, unit, words):
-    with pytest.raises(UnitError, match=".*"):
-        parse_quantity(text, unit)
-    try:
-        parse_quantity(text, unit)
-    except UnitError as error:
-        assert words in str(error)
-
-
-@pytest.mark.parametrize(
     "written", [{"wall": "1.5 mm"}, {"wall": 0.0015}, {"wall_m": 0.0015}, {"wall_m": "1.5 mm"}]
 )
 def test_fields_may_be_written_with_or_without_their_unit(written):
@@ -91,16 +70,19 @@ def test_what_is_no_number_is_refused(value):
 
 
 @pytest.mark.parametrize(
-    ("field", "written"),
+    ("text", "unit", "words"),
     [
-        ("wall_m", "wall"),
-        ("shear_modulus_pa", "shear_modulus"),
-        ("density_kg_m3", "density"),
-        ("kind", "kind"),
-        ("gravity_m_s2", "gravity"),
-        ("angles", "angles"),
-        ("payload_kg", "payload"),
+        ("35 kPa", "m", "is a pressure or modulus; it needs a length such as '1.5 mm'"),
+        ("3 blorps", "m", "unknown unit 'blorps'"),
+        *((text, "m", "is not a quantity") for text in ("mm", "", "__import__('os')", "1 (2")),
     ],
 )
-def test_suffix_names_a_unit(field, written):
-    assert strip_unit_suffix(field) == written
+def test_wrong_texts_say_what_is_needed(text, unit, words):
+    with pytest.raises(UnitError, match=words):
+        parse_quantity(text, unit)
+
+
+def test_a_suffix_names_a_unit():
+    names = "wall_m shear_modulus_pa density_kg_m3 kind gravity_m_s2 angles payload_kg"
+    bare = [strip_unit_suffix(name) for name in names.split()]
+    assert bare == ["wall", "shear_modulus", "density", "kind", "gravity", "angles", "payload"]

@@ -13,8 +13,8 @@ from pliant import api
 from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.testing.samples import linear_law, sample_chain
+from pliant_plugins.effects.end_restraint import ShortLaw
 from pliant_plugins.effects.scale import rest_stiffness
-from pliant_plugins.effects.short_law import ShortLaw
 
 PLAIN = sample_chain(modules=4, gravity=(0, 0, 0))
 STATES = (np.array([0.0, 5e3, 9e3, 15e3]), np.array([[-0.2], [0.1], [0.25], [0.5]]))

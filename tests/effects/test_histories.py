@@ -18,8 +18,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
-from pliant.testing.effect_bench import probe_run
-from pliant.testing.histories import follow_joint, triangles
+from pliant.testing.histories import triangles
 from pliant.testing.samples import linear_law, sample_chain
 
 K, GAIN = 0.04, 8e-7
@@ -211,14 +210,6 @@ def test_effects_compose_in_one_run(modules: int) -> None:
 
 
 # -- the engine against plain Python and against its own steps ---------------------------------------
-
-
-@pytest.mark.parametrize("memory", MEMORY, ids=[kind for kind, _ in MEMORY])
-def test_the_compiled_loop_is_the_plain_one(memory: tuple[str, Mapping[str, float]]) -> None:
-    chain = model_with(sample_chain(modules=1, gravity=(0, 0, 0)), memory).chain
-    runs = [probe_run("1", "a"), probe_run("2", "a"), probe_run("3", "b", timed=False)]
-    for there, here in zip(ENGINE.follow(chain, runs)[0], follow_joint(chain, runs), strict=True):
-        np.testing.assert_allclose(there.joint_angles[:, 0, 0], here, atol=1e-6)
 
 
 @pytest.mark.parametrize("memory", MEMORY, ids=[kind for kind, _ in MEMORY])

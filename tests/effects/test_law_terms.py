@@ -101,7 +101,7 @@ def loop_area(one: Effect, amplitude: float, rate: float) -> float:
     return -float(np.trapezoid(moment[last], angle[last]))
 
 
-@pytest.mark.parametrize("amplitude", [0.02, 0.1, 0.4])
+@pytest.mark.parametrize("amplitude", [0.02, 0.1, 0.2])
 @pytest.mark.parametrize("rate", [0.01, 1.0])
 def test_the_area_of_a_friction_loop(amplitude: float, rate: float) -> None:
     assert loop_area(FRICTION, amplitude, rate) == pytest.approx(4 * SLIP * (amplitude - 0.01), rel=1e-6)
@@ -156,7 +156,7 @@ def test_softening_counts_either_way() -> None:
 
 def test_the_unloaded_angle_follows_the_largest_past_angles() -> None:
     chain = with_effects(LINEAR, effect("permanent_set", share=0.1))
-    time_s, angle = triangles((0.4, 0.0, 0.2, 0.0, -0.3, 0.0, 0.5), 0.1, 0.1, holds_s=100.0)
+    time_s, angle = triangles((0.4, 0.0, 0.2, 0.0, -0.3, 0.0, 0.5), 0.1, 0.1, holds_s=3.0)
     driven = drive(chain, Motion.of(time_s, angle))
     rest = angle + driven.effort / K  # E(u − u₀) = −K (u − u₀)
     highest, lowest = np.maximum.accumulate(angle), np.minimum.accumulate(angle)

@@ -15,7 +15,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.testing.samples import sample_chain
 from pliant_plugins.effects.lag import lagged
-from pliant_plugins.effects.second_lag import lagged_twice
+from pliant_plugins.effects.supply_lag import lagged_twice
 
 P = 12e3
 ratios = st.floats(0.2, 5.0)

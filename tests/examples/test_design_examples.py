@@ -27,11 +27,6 @@ def problem_of(name: str) -> tuple[api.OpenStudy, SearchProblem]:
     return opened, SearchProblem.of(opened.study, opened.bench.registry)
 
 
-def applied(problem: SearchProblem, values: dict[str, Any], condition: int = 0) -> Any:
-    """The candidate's study; its blocks have the models of their kinds."""
-    return problem.apply(values, condition)
-
-
 def structures() -> set[tuple[int, ...]]:
     """25 to 29 modules in four segments, none with more than two above another."""
     splits = itertools.product(range(1, 20), repeat=4)
@@ -51,6 +46,8 @@ def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
     _, joint = problem_of("shape_matching/integers.yaml")
     assert joint.branches() == ({},)
     assert joint.config.budget == 81 * separate.config.budget
+    _, small = problem_of("shape_matching/small.yaml")
+    assert (len(small.branches()), len(small.branches()) * small.config.budget) == (3, 30)
     assert len(joint.space().variables) == len(separate.space().variables) + 4
     values: dict[str, Any] = dict.fromkeys([v.name for v in joint.variables], 0.0)
     inside, outside = ((7, 7, 7, 6), (8, 8, 5, 5))
@@ -67,17 +64,11 @@ def test_the_other_reading_stays_within_the_data_of_its_laws() -> None:
     assert other.metric_violations(values, {"outside_domain": 1.0})
 
 
-def test_the_small_study_has_three_structures_and_thirty_candidates() -> None:
-    _, problem = problem_of("shape_matching/small.yaml")
-    assert len(problem.branches()) == 3
-    assert len(problem.branches()) * problem.config.budget == 30
-
-
 def test_a_candidate_sets_every_segment() -> None:
     opened, problem = problem_of("shape_matching/per_segment_pressure.yaml")
     values: dict[str, Any] = {v.name: v.variable.high for v in problem.variables}
     values |= {"n1": 8, "n2": 8, "n3": 7, "n4": 6, "share2": 0.5}
-    study = applied(problem, values)
+    study = problem.apply(values, 0)
     segments = study.chain.as_segments()
     assert [s.modules for s in segments] == [8, 8, 7, 6]
     assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
@@ -89,7 +80,7 @@ def test_a_candidate_sets_every_segment() -> None:
 
 def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
     opened, problem = problem_of("shape_matching/helix.yaml")
-    run = simulate_study(opened.bench, applied(problem, {v.name: v.stated for v in problem.variables}))
+    run = simulate_study(opened.bench, problem.apply({v.name: v.stated for v in problem.variables}, 0))
     result = run.engines[0].result
     assert result is not None and run.chain is not None
     target = np.asarray(result.metrics["target_points_m"], float)
@@ -115,7 +106,7 @@ def test_optimizers_get_as_many_grasps(name: str) -> None:
 def test_a_design_and_its_use_reach_the_study() -> None:
     _, problem = problem_of("gripper_codesign/gripper.yaml")
     values: dict[str, Any] = {v.name: v.variable.low for v in problem.variables}
-    egg, cylinder = applied(problem, values, 2), applied(problem, values, 5)
+    egg, cylinder = problem.apply(values, 2), problem.apply(values, 5)
     assert (egg.task.object.shape, egg.task.extra_weights, egg.task.base_inset_m) == ("egg", 7, 0.0)
     assert (cylinder.task.object.shape, cylinder.task.extra_weights) == ("cylinder", 4)
     assert cylinder.task.base_inset_m == pytest.approx(-4e-3)

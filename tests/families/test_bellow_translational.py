@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.families.solvers import rubber, solver_of
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import ModuleSolver
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.families.bellow.revolved import Counts, sector
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
-from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 NAMES = ("inner_radius", "average_radius", "wall", "module_length")
 
@@ -25,9 +23,7 @@ def family(r: float = 5, R: float = 8, t: float = 1.5, l: float = 10) -> BellowT
 
 
 def solver(problem: ModuleProblem) -> ModuleSolver:
-    return Skfem(SkfemConfig(pressure_max_pa=15e3)).solver(
-        problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=240e3))
-    )
+    return solver_of(problem, rubber(240e3))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +33,7 @@ def model() -> ModuleSolver:
 
 def test_bad_designs_name_the_inequality() -> None:
     with pytest.raises(
-        InvalidDesignError, match=r"bellow_translational needs module_length/4 > wall/2.*0.1 mm"
+        InvalidDesignError, match="bellow_translational needs module_length/4 > wall/2.*0.1 mm"
     ):
         family(t=2.2, l=4)
 

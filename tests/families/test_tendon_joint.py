@@ -8,9 +8,13 @@ import pytest
 from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import area_vector, enclosed_volume
 from pliant.records.shape import TriangleMesh
-from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
+from pliant_plugins.families.tendon_joint.family import (
+    TendonJoint,
+    TendonJointConfig,
+    link_mesh,
+    link_surface,
+)
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
-from pliant_plugins.families.tendon_joint.mesh import link_mesh, link_surface
 from pliant_plugins.manifest import TENDON_JOINT
 
 ANGLES = (-0.6, -1e-5, 0.0, 3e-5, 0.2, 0.9, 1.6)
@@ -37,16 +41,8 @@ def outline(geometry: JointGeometry) -> np.ndarray:
     """The end link's outline in the plane y = 0, counter-clockwise."""
     half, edge = geometry.flexure_thickness_m / 2, geometry.link_height_m / 2
     back, span = geometry.module_length_m / 2, geometry.span_m
-    return np.array(
-        [
-            (back, -edge),
-            (back, edge),
-            (geometry.upper_edge_x_m, edge),
-            (span, half),
-            (span, -half),
-            (geometry.lower_edge_x_m, -edge),
-        ]
-    )
+    upper, lower = (geometry.upper_edge_x_m, edge), (geometry.lower_edge_x_m, -edge)
+    return np.array([(back, -edge), (back, edge), upper, (span, half), (span, -half), lower])
 
 
 def area(polygon: np.ndarray) -> float:

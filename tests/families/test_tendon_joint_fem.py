@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
+from tests.families.solvers import rubber, solver_of
 
+from pliant.interfaces.fem import ModuleSolver
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.manifest import TENDON_JOINT
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU, NU = 70e6, 0.49
 E = 2 * MU * (1 + NU)
@@ -30,10 +29,8 @@ def joint(**changes: object) -> TendonJoint:
 
 
 @cache
-def solver(slender: bool) -> SkfemSolver:
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))
-    config = SkfemConfig.model_validate({"tendon_force_max_n": 8.0})
-    return Skfem(config).solver(joint(**(SLENDER if slender else {})).problem(), material)
+def solver(slender: bool) -> ModuleSolver:
+    return solver_of(joint(**(SLENDER if slender else {})).problem(), rubber(MU, poisson_ratio=NU))
 
 
 def bending_stiffness(family: TendonJoint) -> float:
@@ -42,21 +39,13 @@ def bending_stiffness(family: TendonJoint) -> float:
     return E * g.flexure_width_m * g.flexure_thickness_m**3 / 12
 
 
-def test_a_slender_flexure_is_a_beam() -> None:
-    family, rest = joint(**SLENDER), solver(True).rest()
-    beam = bending_stiffness(family) / family.geometry.flexure_length_m
-    assert -rest.dmoment_du == pytest.approx(beam, rel=0.02)
-    assert -rest.dmoment_du > beam  # bonded ends cannot contract
-
-
-def test_a_wide_flexure_lies_between_beam_and_plate() -> None:
-    family = joint()
-    beam = bending_stiffness(family) / family.geometry.flexure_length_m
-    assert beam < -solver(False).rest().dmoment_du < 1.02 * beam / (1 - NU**2)
-
-
-def test_at_rest_the_arm_is_the_tendons_offset() -> None:
-    assert solver(False).rest().dmoment_dp == pytest.approx(joint().geometry.tendon_offset_m, rel=1e-9)
+def test_at_rest_it_is_a_beam_with_the_tendons_offset_for_an_arm() -> None:
+    """A slender flexure a beam, but bonded ends cannot contract; a wide one lies between beam and plate."""
+    for slender, most in ((True, 1.02), (False, 1.02 / (1 - NU**2))):
+        family, rest = joint(**(SLENDER if slender else {})), solver(slender).rest()
+        beam = bending_stiffness(family) / family.geometry.flexure_length_m
+        assert beam < -rest.dmoment_du < most * beam
+    assert rest.dmoment_dp == pytest.approx(joint().geometry.tendon_offset_m, rel=1e-9)
 
 
 def test_bent_by_a_couple_the_tendon_follows_the_arc() -> None:
@@ -142,12 +131,8 @@ def test_states_in_which_the_links_meet_are_marked() -> None:
     inside = model.constrained(2.0, 0.5, model.free(2.0, model.rest()))
     beyond = model.constrained(2.0, g.closing_angle_rad + 0.02, inside)
     under = model.constrained(0.0, -g.opening_angle_rad - 0.01, model.rest())
-    assert [s.status for s in (model.rest(), inside, beyond, under)] == [
-        "ok",
-        "ok",
-        "self_contact",
-        "self_contact",
-    ]
+    statuses = [s.status for s in (model.rest(), inside, beyond, under)]
+    assert statuses == ["ok", "ok", "self_contact", "self_contact"]
 
 
 def test_another_code_agrees() -> None:
@@ -160,8 +145,7 @@ def test_another_code_agrees() -> None:
     from pliant_plugins.fem.ngsolve.backend import Ngsolve
 
     config = NgsolveConfig.model_validate({"tendon_force_max_n": 8.0, "order": 2})
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))
-    other = Ngsolve(config).solver(joint().problem(), material)
+    other = Ngsolve(config).solver(joint().problem(), rubber(MU, poisson_ratio=NU))
     states = [model.constrained(3.0, 0.3, model.free(3.0, model.rest())) for model in (solver(False), other)]
     for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "travel", "energy_j"):
         ours, theirs = (getattr(state, name) for state in states)

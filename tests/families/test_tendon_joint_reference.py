@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.families.solvers import rubber, solver_of
 
+from pliant.interfaces.fem import ModuleSolver
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.manifest import TENDON_JOINT
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 TABLE = Path(__file__).parents[3] / "shared/data/reference/tendon_joint_fem.csv"
 # benchmarks/families/tendon_joint.py: fitted on the free branch up to 7.5 N
@@ -31,14 +30,12 @@ def rows() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def solver() -> SkfemSolver:
+def solver() -> ModuleSolver:
     config = TendonJointConfig.model_validate({**TENDON_JOINT, "tendon_offset": OFFSET})
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU))
-    backend = Skfem(SkfemConfig.model_validate({"tendon_force_max_n": 8.0}))
-    return backend.solver(TendonJoint(config).problem(), material)
+    return solver_of(TendonJoint(config).problem(), rubber(MU))
 
 
-def test_the_fitted_free_branch(rows: np.ndarray, solver: SkfemSolver) -> None:
+def test_the_fitted_free_branch(rows: np.ndarray, solver: ModuleSolver) -> None:
     free = rows[(rows[:, 2] == 0) & (rows[:, 0] > 0) & (rows[:, 0] <= 7.5)][1::3]
     state, errors = solver.rest(), []
     for force, angle, _ in free:
@@ -47,7 +44,7 @@ def test_the_fitted_free_branch(rows: np.ndarray, solver: SkfemSolver) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 6e-3
 
 
-def test_the_predicted_constrained_branch(rows: np.ndarray, solver: SkfemSolver) -> None:
+def test_the_predicted_constrained_branch(rows: np.ndarray, solver: ModuleSolver) -> None:
     """Every fourth row of three forces; the benchmark takes all: 2.3 %, at worst 3.7 % (2 N)."""
     for force in (2.0, 4.5, 6.0):
         branch = rows[(rows[:, 2] > 0) & (rows[:, 0] == force) & (rows[:, 1] > STOP)][::4]

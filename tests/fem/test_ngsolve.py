@@ -26,10 +26,9 @@ from pliant.testing.stand_ins import sample_material
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve, NgsolveSolver
-from pliant_plugins.fem.ngsolve.constraints import eliminate
-from pliant_plugins.fem.ngsolve.laws import density
+from pliant_plugins.fem.ngsolve.forms import density
 from pliant_plugins.fem.ngsolve.library import ngs
-from pliant_plugins.fem.ngsolve.mesh import CAVITY, curved_mesh, nodal_table
+from pliant_plugins.fem.ngsolve.mesh import CAVITY, curved_mesh, eliminate, nodal_table
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.manifest import pliant_components
 from pliant_plugins.materials.mooney_rivlin import MooneyRivlin, MooneyRivlinConfig

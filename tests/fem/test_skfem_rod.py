@@ -25,8 +25,7 @@ from pliant.testing.stand_ins import sample_material
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.rod_solver import placed
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.fields import at_nodes
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver, at_nodes
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.potentials import drawn
 from pliant_plugins.fem.skfem.unknowns import constraints
@@ -225,21 +224,6 @@ def test_periodic_displacements_are_periodic(spatial: SkfemSolver, mixed: FemSta
     assert np.abs(v[sets["start"]]).max() > 1e-6
 
 
-def test_axes_that_are_not_held_are_free(spatial: SkfemSolver, mixed: FemState) -> None:
-    partly = spatial.constrained(8e3, {"x": 0.1, "z": -0.12}, mixed)
-    assert partly.held == ("x", "z") and partly.branch == "constrained"
-    assert abs(partly.moment_n_m) < 1e-9
-    again = spatial.constrained(
-        8e3, dict(zip(("x", "y", "z"), partly.deformation, strict=True)), spatial.rest()
-    )
-    # slopes are those with all axes independent, on either way
-    for name in ("tau", "dtau_du", "dtau_dp"):
-        a, b = getattr(partly, name), getattr(again, name)
-        assert np.abs(a - b).max() < 1e-6 * np.abs(mixed.dtau_du if name != "dtau_dp" else b).max(), name
-    free = spatial.constrained(8e3, {}, partly)
-    assert free.branch == "free" and np.abs(free.tau).max() < 1e-9
-
-
 def test_held_axes_must_be_the_joint_s(spatial: SkfemSolver, mixed: FemState) -> None:
     with pytest.raises(UserError, match="'w' is none of this module's: x, y, z"):
         spatial.constrained(0.0, {"w": 0.1}, mixed)
@@ -270,22 +254,6 @@ def test_ribbon_stiffens_sideways_bending_by_its_second_moment(spatial: SkfemSol
     plain = spatial.rest()
     assert banded.dtau_du[2, 2] == pytest.approx(plain.dtau_du[2, 2] - added, rel=1e-9)
     assert banded.dtau_du[0, 0] == pytest.approx(plain.dtau_du[0, 0], rel=1e-9)
-
-
-def test_tendon_virtual_work() -> None:
-    """∂τ/∂T at constant u is ∂travel/∂u at constant T; along a path dE = −τ du + T d(travel)."""
-    solver = backend().solver(tendon_box_problem(), MATERIAL)
-    held = solver.constrained(0.2, 0.1, solver.rest())
-    du, dT = 1e-3, 2e-3
-    ahead, behind = (solver.constrained(0.2, 0.1 + s * du, held) for s in (1, -1))
-    assert held.dmoment_dp == pytest.approx((ahead.travel - behind.travel) / (2 * du), rel=1e-6)
-    more, less = (solver.constrained(0.2 + s * dT, 0.1, held) for s in (1, -1))
-    assert held.dmoment_dp == pytest.approx((more.moment_n_m - less.moment_n_m) / (2 * dT), rel=1e-6)
-    assert (more.energy_j - less.energy_j) / (2 * dT) == pytest.approx(
-        0.2 * (more.travel - less.travel) / (2 * dT), rel=1e-5
-    )
-    slope = (ahead.energy_j - behind.energy_j) / (2 * du)
-    assert slope == pytest.approx(-held.moment_n_m + 0.2 * held.dmoment_dp, rel=1e-5)
 
 
 def test_tendon_is_drawn_by_what_the_holes_come_nearer() -> None:

@@ -13,30 +13,21 @@ HEAD = "run,time_s,pressure_pa,angle_rad\n"
 GOOD = HEAD + "A,0,0,0\nA,1,1e4,0.5\nB,0,0,0\nB,1,1e4,0.5\n"
 
 
-def complaint(tmp_path, content: str | bytes, notes: str = "", **arguments) -> str:
-    path = tmp_path / "bench.csv"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    if notes:
-        (tmp_path / "bench.yaml").write_text(notes)
-    with pytest.raises(UserError) as error:
-        read_measurement(path, **arguments)
-    return str(error.value)
+@pytest.fixture
+def complaint(read):
+    def complained(content, notes="", **arguments) -> str:
+        with pytest.raises(UserError) as error:
+            read(content, notes, **arguments)
+        return str(error.value)
+
+    return complained
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("", "the table is empty"),
         ("# only a comment\n\n", "the table is empty"),
-        (HEAD, "a header and no rows"),
         (HEAD + ",,,\n", "a header and no rows"),
-        ("A,0,0,0\n".replace("A", "1"), "the first row holds numbers; write a header"),
-        (
-            HEAD.replace(",", ";") + "A;0;1.000,5;0\n",
-            "line 2: column pressure_pa: '1.000,5' may be read in two ways",
-        ),
-        (b"PK\x03\x04rest", "it is a spreadsheet"),
-        (b"\x00\x01\x02\x03\x04\x05", "it is not a text file"),
         (HEAD.strip() + ",angle_rad\n", "column 'angle_rad' stands 2 times"),
         (HEAD.strip() + ",angle_deg\nA,0,0,0,0\n", "'angle_rad' and 'angle_deg' both mean angle_rad"),
         (HEAD + "A,0,0,abc\n", "line 2: column angle_rad: 'abc' is not a number; leave missing"),
@@ -44,7 +35,6 @@ def complaint(tmp_path, content: str | bytes, notes: str = "", **arguments) -> s
         (HEAD + "A,0,1_000,0\n", "line 2: column pressure_pa: '1_000' is not a number"),
         (HEAD + "A,0,inf,0\n", "line 2: column pressure_pa is infinite"),
         (HEAD + "A,0,0,1e999\nA,1,x,0\n", "line 2: column angle_rad is infinite"),
-        (HEAD + "A,0,0,0\nA,1,0\n", "line 3: 3 cells, but the header has 4"),
         (HEAD + "A,0,0,0,5\n", "line 2: 5 cells, but the header has 4 (decimals need a point, not a comma)"),
         (HEAD + 'A,0,0,0\n"A,1,0,0\nA,2,0,0\n', "line 3: it cannot be read as CSV"),
         (HEAD + " ,0,0,0\n", "line 2: column run is blank"),
@@ -59,32 +49,32 @@ def complaint(tmp_path, content: str | bytes, notes: str = "", **arguments) -> s
         (HEAD.strip() + ",sigma_angle_rad\nA,0,0,0,0\n", "line 2: sigma_angle_rad should be above 0"),
     ],
 )
-def test_a_wrong_file(tmp_path, content, words):
-    message = complaint(tmp_path, content)
+def test_a_wrong_file(complaint, content, words):
+    message = complaint(content)
     assert "bench.csv" in message and words in message
 
 
-def test_many_problems_come_in_one_message(tmp_path):
+def test_many_problems_come_in_one_message(complaint):
     rows = "".join(f"A,{i},0,{'bad' if i % 2 else 0}\n" for i in range(100))
-    message = complaint(tmp_path, HEAD + rows + "A,0,0,0\n")
+    message = complaint(HEAD + rows + "A,0,0,0\n")
     assert "51 problems" in message and "… and 31 more" in message
     assert message.count("\n") == 21 and "line 3:" in message
 
 
-def test_hopeless_files_are_not_read_to_the_end(tmp_path):
-    message = complaint(tmp_path, HEAD + "A,0,0,bad\n" * 20_000)
+def test_hopeless_files_are_not_read_to_the_end(complaint):
+    message = complaint(HEAD + "A,0,0,bad\n" * 20_000)
     assert "reading stopped at line 10001" in message
 
 
-def test_a_run_per_row_is_no_run(tmp_path):
+def test_a_run_per_row_is_no_run(complaint):
     rows = "".join(f"{i},0,0,0\n" for i in range(10_001))
-    assert "more than 10000 runs" in complaint(tmp_path, HEAD + rows)
+    assert "more than 10000 runs" in complaint(HEAD + rows)
 
 
-def test_one_endless_line(tmp_path, monkeypatch):
+def test_one_endless_line(complaint, monkeypatch):
     monkeypatch.setattr("pliant.tabular.text.BLOCK", 1000)
-    assert "too long for a table row" in complaint(tmp_path, HEAD + "1" * 5000)
-    assert "too long for a table row" in complaint(tmp_path, "1" * 5000)
+    assert "too long for a table row" in complaint(HEAD + "1" * 5000)
+    assert "too long for a table row" in complaint("1" * 5000)
 
 
 @pytest.mark.parametrize(
@@ -108,17 +98,15 @@ def test_one_endless_line(tmp_path, monkeypatch):
         ("rename: [\n", "this is not YAML"),
     ],
 )
-def test_wrong_notes(tmp_path, notes, words):
-    assert words in complaint(tmp_path, GOOD, notes)
+def test_wrong_notes(complaint, notes, words):
+    assert words in complaint(GOOD, notes)
 
 
-def test_what_the_chain_or_the_study_needs_is_not_there(tmp_path):
-    message = complaint(tmp_path, GOOD, actuation=["pressure_1_pa"])
+def test_what_the_chain_or_the_study_needs_is_not_there(complaint):
+    message = complaint(GOOD, actuation=["pressure_1_pa"])
     assert "driven by 'pressure_1_pa'" in message and "it has pressure_pa" in message
     settings = MeasurementsConfig(file="bench.csv", outputs=("tip_x_m",))
-    assert "asks for output 'tip_x_m', which the file does not have" in complaint(
-        tmp_path, GOOD, settings=settings
-    )
+    assert "asks for output 'tip_x_m', which the file does not have" in complaint(GOOD, settings=settings)
 
 
 def test_no_file_and_a_folder(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import Domain, JointKind
 from pliant.records.rollout import Cord, Inputs, PointForce
+
+IDLE, ZERO = {"pressure_pa": 0.0}, np.zeros(3)
 
 
 def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]:
@@ -34,30 +37,23 @@ def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]
     return ChainStatics(chain), q, Loads.of(chain, inputs)
 
 
-def nudges(q: Array, step: float) -> list[Array]:
-    return [step * unit.reshape(q.shape) for unit in np.eye(q.size)]
+def slope(function: Callable[[Array], Array | float], q: Array, step: float = 1e-6) -> Array:
+    """(…, n·a) central differences by each coordinate."""
+    nudges = [step * unit.reshape(q.shape) for unit in np.eye(q.size)]
+    return np.stack(
+        [np.ravel(np.subtract(function(q + d), function(q - d))) / (2 * step) for d in nudges], -1
+    )
 
 
-def test_residual_is_minus_the_slope_of_the_potential(chain: ChainModel) -> None:
+def test_residual_and_stiffness_are_slopes_of_the_potential_and_the_residual(chain: ChainModel) -> None:
     statics, q, loads = state(chain)
-    step = 1e-6
-    slope = [
-        (statics.potential(q + d, loads) - statics.potential(q - d, loads)) / (2 * step)
-        for d in nudges(q, step)
-    ]
-    np.testing.assert_allclose(statics.residual(q, loads).ravel(), -np.array(slope), atol=2e-9)
-
-
-def test_stiffness_is_minus_the_slope_of_the_residual_and_symmetric(chain: ChainModel) -> None:
-    statics, q, loads = state(chain)
-    balance, step = statics.balance(q, loads), 1e-6
-    columns = [
-        (statics.residual(q + d, loads) - statics.residual(q - d, loads)).ravel() / (2 * step)
-        for d in nudges(q, step)
-    ]
-    np.testing.assert_allclose(balance.stiffness, -np.array(columns).T, atol=1e-8)
+    balance, residual = statics.balance(q, loads), statics.residual(q, loads)
+    by_q = slope(lambda at: statics.potential(at, loads), q)
+    np.testing.assert_allclose(residual.ravel(), -by_q[0], atol=2e-9)
+    by_q = slope(lambda at: statics.residual(at, loads), q)
+    np.testing.assert_allclose(balance.stiffness, -by_q, atol=1e-8)
     np.testing.assert_allclose(balance.stiffness, balance.stiffness.T, atol=1e-16)
-    np.testing.assert_array_equal(balance.residual, statics.residual(q, loads))
+    np.testing.assert_array_equal(balance.residual, residual)
 
 
 def test_closed_path_does_no_work(spherical_chain: ChainModel) -> None:
@@ -155,16 +151,19 @@ def test_mass_matrix_gives_the_kinetic_energy(chain: ChainModel) -> None:
     np.testing.assert_allclose(matrix, matrix.T, rtol=1e-12, atol=1e-20)
 
 
+def opposed_in_a_box(chain: ChainModel, most_pa: float, least: float, most: float) -> ChainModel:
+    one = chain.laws[0]
+    box = Domain(np.array([0.0, most_pa]), np.tile([least, most], (len(chain.axes), 1)))
+    law = type(one)(one.joint, box)  # type: ignore[call-arg]
+    actuators = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0))
+    return chain.with_(laws=(law, law), actuators=actuators)
+
+
 def test_leaving_the_domain_is_reported_in_joint_coordinates(chain: ChainModel) -> None:
-    law = type(chain.laws[0])(
-        chain.laws[0].joint, Domain(np.array([0.0, 8e3]), np.tile([-0.5, 0.3], (len(chain.axes), 1)))
-    )
-    opposed = chain.with_(
-        laws=(law, law), actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0))
-    )
+    efforts = JointEfforts(opposed_in_a_box(chain, 8e3, -0.5, 0.3))
     q = np.zeros((chain.n_joints, len(chain.axes)))
     q[2, 0] = 0.4
-    found = ChainStatics(opposed).efforts.outside_domain(q, {"pressure_1_pa": 9e3, "pressure_2_pa": 0.0}, 1.5)
+    found = efforts.outside_domain(q, {"pressure_1_pa": 9e3, "pressure_2_pa": 0.0}, 1.5)
     pressures = [entry for entry in found if entry.variable == "pressure_1_pa"]
     assert [entry.module for entry in pressures] == [1, 2, 3, 4, 5]
     assert all(entry.excess == pytest.approx(1e3) and entry.time_s == 1.5 for entry in pressures)
@@ -174,16 +173,10 @@ def test_leaving_the_domain_is_reported_in_joint_coordinates(chain: ChainModel) 
 
 def test_opposed_actuators_outside_their_boxes_are_told_once(chain: ChainModel) -> None:
     """At +0.5 the first chamber is 0.1 above its box and the second, which sees −0.5, is 0.3 below."""
-    one = chain.laws[0]
-    n_axes = len(chain.axes)
-    box = Domain(np.array([0.0, 1e4]), np.tile([-0.2, 0.4], (n_axes, 1)))
-    law = type(one)(one.joint, box)  # type: ignore[call-arg]
-    opposed = chain.with_(
-        laws=(law, law), actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0))
-    )
-    q = np.zeros((chain.n_joints, n_axes))
+    q = np.zeros((chain.n_joints, len(chain.axes)))
     q[1, 0], q[2, 0] = 0.5, -0.5
-    found = JointEfforts(opposed).outside_domain(q, {"pressure_1_pa": 5e3, "pressure_2_pa": 5e3})
+    efforts = JointEfforts(opposed_in_a_box(chain, 1e4, -0.2, 0.4))
+    found = efforts.outside_domain(q, {"pressure_1_pa": 5e3, "pressure_2_pa": 5e3})
     assert [entry.module for entry in found] == [2, 3]
     assert [entry.excess for entry in found] == pytest.approx([0.3, -0.3])
 
@@ -204,19 +197,21 @@ def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: Ch
         ChainStatics(chain.with_(bodies=chain.bodies[1:]))
     if chain.laws[0].joint == "prismatic":
         with pytest.raises(UserError, match="no end moment"):
-            Loads.of(chain, Inputs({"pressure_pa": 0.0}, moment_n_m=1.0))
+            Loads.of(chain, Inputs(IDLE, moment_n_m=1.0))
 
 
 @pytest.mark.parametrize(
-    ("inputs", "name"),
+    ("inputs", "says"),
     [
         (Inputs({"pressure_pa": float("nan")}), "pressure_pa is nan"),
-        (Inputs({"pressure_pa": 0.0}, tip_force_n=np.array([0.0, np.inf, 0.0])), "tip_force_n is"),
-        (Inputs({"pressure_pa": 0.0}, moment_n_m=float("-inf")), "moment_n_m is -inf"),
+        (Inputs(IDLE, tip_force_n=np.array([0.0, np.inf, 0.0])), "tip_force_n is"),
+        (Inputs(IDLE, moment_n_m=float("-inf")), "moment_n_m is -inf"),
+        (Inputs(IDLE, forces=(PointForce(6, ZERO, ZERO),)), "body 6; the chain has bodies 0 to 5"),
+        (Inputs(IDLE, cords=(Cord(1, ZERO, np.ones(3), np.nan),)), "tension_n of load 1 is nan"),
     ],
 )
-def test_inputs_are_finite(spherical_chain: ChainModel, inputs: Inputs, name: str) -> None:
-    with pytest.raises(UserError, match=name):
+def test_inputs_are_finite_and_act_on_bodies(spherical_chain: ChainModel, inputs: Inputs, says: str) -> None:
+    with pytest.raises(UserError, match=says):
         Loads.of(spherical_chain, inputs)
 
 
@@ -236,51 +231,38 @@ def test_laws_of_a_chain_must_agree(chain: ChainModel) -> None:
 
 def test_a_force_at_the_tip_is_the_tip_force(chain: ChainModel) -> None:
     statics, q, _ = state(chain)
-    idle, force = {a.input: 0.0 for a in chain.actuators}, np.array([0.1, -0.2, 0.3])
+    force = np.array([0.1, -0.2, 0.3])
     at_tip = PointForce(chain.n_joints, chain.tip_offset_m, force)
-    one = statics.residual(q, Loads.of(chain, Inputs(idle, force)))
-    other = statics.residual(q, Loads.of(chain, Inputs(idle, forces=(at_tip,))))
+    one = statics.residual(q, Loads.of(chain, Inputs(IDLE, force)))
+    other = statics.residual(q, Loads.of(chain, Inputs(IDLE, forces=(at_tip,))))
     np.testing.assert_allclose(other, one, atol=1e-15)
 
 
 def test_a_far_pulley_pulls_like_a_dead_force(spherical_chain: ChainModel) -> None:
     statics, q, _ = state(spherical_chain)
-    idle, away = {a.input: 0.0 for a in spherical_chain.actuators}, np.array([0.0, 0.6, 0.8])
-    cord = Cord(3, np.zeros(3), 1e6 * away, 0.5)
-    dead = PointForce(3, np.zeros(3), 0.5 * away)
-    pulled = statics.balance(q, Loads.of(spherical_chain, Inputs(idle, cords=(cord,))))
-    pushed = statics.balance(q, Loads.of(spherical_chain, Inputs(idle, forces=(dead,))))
+    away = np.array([0.0, 0.6, 0.8])
+    cord, dead = Cord(3, ZERO, 1e6 * away, 0.5), PointForce(3, ZERO, 0.5 * away)
+    pulled = statics.balance(q, Loads.of(spherical_chain, Inputs(IDLE, cords=(cord,))))
+    pushed = statics.balance(q, Loads.of(spherical_chain, Inputs(IDLE, forces=(dead,))))
     np.testing.assert_allclose(pulled.residual, pushed.residual, atol=1e-8)
     np.testing.assert_allclose(pulled.stiffness, pushed.stiffness, atol=1e-8)
 
 
 def test_point_jacobian_is_the_slope_of_the_point(chain: ChainModel) -> None:
     statics, q, _ = state(chain)
-    arm, step = np.array([0.01, -0.02, 0.005]), 1e-6
 
     def point(at: Array) -> Array:
         pose = statics.geometry.forward(at)
-        found: Array = pose.origins[3] + pose.rotations[3] @ arm
-        return found
+        return np.asarray(pose.origins[3] + pose.rotations[3] @ [0.01, -0.02, 0.005])
 
-    columns = [(point(q + d) - point(q - d)) / (2 * step) for d in nudges(q, step)]
     jacobian = statics.point_jacobian(statics.geometry.forward(q), 3, point(q)).reshape(3, -1)
-    np.testing.assert_allclose(jacobian, np.array(columns).T, atol=1e-9)
-
-
-def test_loads_on_bodies_that_are_not_there_are_refused(spherical_chain: ChainModel) -> None:
-    idle = {a.input: 0.0 for a in spherical_chain.actuators}
-    with pytest.raises(UserError, match="body 6; the chain has bodies 0 to 5"):
-        Loads.of(spherical_chain, Inputs(idle, forces=(PointForce(6, np.zeros(3), np.zeros(3)),)))
-    with pytest.raises(UserError, match="tension_n of load 1 is nan"):
-        Loads.of(spherical_chain, Inputs(idle, cords=(Cord(1, np.zeros(3), np.ones(3), np.nan),)))
+    np.testing.assert_allclose(jacobian, slope(point, q), atol=1e-9)
 
 
 def test_loads_that_stay_are_not_faded_by_a_continuation(spherical_chain: ChainModel) -> None:
-    idle = {a.input: 0.0 for a in spherical_chain.actuators}
-    stays, comes = PointForce(1, np.zeros(3), np.ones(3)), PointForce(2, np.zeros(3), np.ones(3))
-    before = Loads.of(spherical_chain, Inputs(idle, forces=(stays,)))
-    after = Loads.of(spherical_chain, Inputs(idle, forces=(stays, comes)))
+    stays, comes = PointForce(1, ZERO, np.ones(3)), PointForce(2, ZERO, np.ones(3))
+    before = Loads.of(spherical_chain, Inputs(IDLE, forces=(stays,)))
+    after = Loads.of(spherical_chain, Inputs(IDLE, forces=(stays, comes)))
     between = before.between(after, 0.25)
     assert [f.body for f in between.forces] == [1, 2]
     np.testing.assert_allclose([f.force_n[0] for f in between.forces], [1.0, 0.25])

@@ -10,7 +10,7 @@ from pliant.meshing.hexahedra import FACE_CENTRE, cell_volumes, enclosed_volume,
 from pliant.meshing.stacking import capped, half_disc, mirrored_mesh, stacked
 from pliant.records.fem import ModuleMesh
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
+from pliant_plugins.families.bellow_bending.mesh import BellowGeometry
 
 
 @pytest.fixture(scope="module")

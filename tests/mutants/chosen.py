@@ -46,8 +46,8 @@ CHOSEN: tuple[Mutant, ...] = (
     _at(
         "effects",
         f"{EFFECTS}/viscous_damping.py",
-        "return -parameters[0] * rate",
-        "return parameters[0] * rate",
+        "return -c[0] * rate",
+        "return c[0] * rate",
     ),
     _at("effects", f"{EFFECTS}/viscoelastic.py", "-math.expm1(-steps) / steps", "math.exp(-steps)"),
     _at(

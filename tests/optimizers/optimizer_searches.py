@@ -74,10 +74,3 @@ def best(done: list[tuple[Trial, Trial]]) -> tuple[Trial, Trial]:
     return min(
         (pair for pair in done if pair[1].objective == pair[1].objective), key=lambda p: p[1].objective
     )
-
-
-def random_best(space: Space, objective: Callable[[Mapping[str, Value]], Any], candidates: int) -> float:
-    """What as many uniform draws of a space of real variables find."""
-    generator = np.random.default_rng(0)
-    draws = ({v.name: generator.uniform(v.low, v.high) for v in space.variables} for _ in range(candidates))
-    return min(objective(values) for values in draws)

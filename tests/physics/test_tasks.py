@@ -34,10 +34,9 @@ from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.follow_shape import FollowShape, FollowShapeConfig
-from pliant_plugins.tasks.free_bending import FreeBending, FreeBendingConfig
 from pliant_plugins.tasks.helical_hang import HelicalHang, HelicalHangConfig
+from pliant_plugins.tasks.ramp import FreeBending, FreeBendingConfig, TipLoad, TipLoadConfig
 from pliant_plugins.tasks.tendon_finger import TendonFinger, TendonFingerConfig
-from pliant_plugins.tasks.tip_load import TipLoad, TipLoadConfig
 
 
 def test_free_bending_ramps_to_the_worked_number(massless_finger: ChainModel) -> None:
@@ -349,8 +348,8 @@ def test_resampled_points_are_evenly_spaced_and_keep_the_ends() -> None:
     [
         ("x_m,y_m\n0,0\n", "no column z_m"),
         ("x_m,y_m,z_m\n0,0,0\n", "fewer than two"),
-        ("x_m,y_m,z_m\n0,0,0\n# half\n1,two,0\n", "line 4: y_m is 'two'"),
-        ("x_m,y_m,z_m\n0,0,0\n1,1\n", "line 3: z_m is"),
+        ("x_m,y_m,z_m\n0,0,0\n# half\n1,two,0\n", "line 4: column y_m: 'two'"),
+        ("x_m,y_m,z_m\n0,0,0\n1,1\n", "line 3: 2 cells"),
     ],
 )
 def test_wrong_curves_are_refused(tmp_path: Path, text: str, says: str) -> None:

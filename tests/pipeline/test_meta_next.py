@@ -28,16 +28,15 @@ def near(unseen, proposals):
 
 def test_the_best_by_gain_come_first_and_apart(unseen):
     found = unseen.next(3)
+    assert found == unseen.next(3)
+    with pytest.raises(UserError, match="ask for at least one"):
+        unseen.next(0)
     assert all(one.basis == "gain" for one in found)
     assert found[0].gain == max(one.gain for one in found)
     values = np.array([one.values for one in found])
     apart = next_design._distances(unseen.stage.designs, values, values) + np.eye(3)
     assert apart.min() > 0.15
     assert near(unseen, found).min() > 0.01
-
-
-def test_the_same_question_has_the_same_answer(unseen):
-    assert unseen.next(2) == unseen.next(2)
 
 
 class _Mute:
@@ -54,23 +53,6 @@ class _Mute:
 
     def law(self, values):
         return self._laws.law(values)
-
-
-def test_without_gain_the_largest_doubt_is_taken(unseen):
-    laws = _Mute(unseen.stage.laws, lambda values: values[:, 0])
-    (found,) = designs_to_solve(unseen.opened.bench, unseen.opened.study, replace(unseen.stage, laws=laws), 1)
-    assert found.basis == "doubt"
-    assert found.parameters["radius_m"] == pytest.approx(5.5e-3, rel=0.01)
-
-
-def test_without_doubt_the_emptiest_place_is_taken(unseen):
-    laws = _Mute(unseen.stage.laws, lambda values: np.ones(len(values)))
-    stage = replace(unseen.stage, laws=laws)
-    (found,) = designs_to_solve(unseen.opened.bench, unseen.opened.study, stage, 1)
-    assert found.basis == "distance"
-    assert found.gain == pytest.approx(near(unseen, [found])[0])
-    # The middle of a cell of the grid of 4 × 3: half its diagonal away from the corners.
-    assert found.gain == pytest.approx(np.hypot(1 / 6, 1 / 4), rel=0.15)
 
 
 def test_designs_of_the_sweep_go_first_and_solved_ones_never(unseen):
@@ -108,6 +90,14 @@ def test_the_table_is_a_sweep(unseen, tmp_path):
     assert [tuple(d.changes.values()) for d in designs] == [one.values for one in found]
 
 
-def test_none_asked_for(unseen):
-    with pytest.raises(UserError, match="ask for at least one"):
-        unseen.next(0)
+def test_without_gain_the_largest_doubt_is_taken_and_without_doubt_the_emptiest_place(unseen):
+    def best(doubt):
+        stage = replace(unseen.stage, laws=_Mute(unseen.stage.laws, doubt))
+        (found,) = designs_to_solve(unseen.opened.bench, unseen.opened.study, stage, 1)
+        return found
+
+    doubtful, far = best(lambda values: values[:, 0]), best(lambda values: np.ones(len(values)))
+    assert doubtful.basis == "doubt" and doubtful.parameters["radius_m"] == pytest.approx(5.5e-3, rel=0.01)
+    assert far.basis == "distance" and far.gain == pytest.approx(near(unseen, [far])[0])
+    # The middle of a cell of the grid of 4 × 3: half its diagonal away from the corners.
+    assert far.gain == pytest.approx(np.hypot(1 / 6, 1 / 4), rel=0.15)

@@ -130,13 +130,9 @@ def test_the_free_branch_of_three_axes_is_its_equilibrium():
     assert np.abs(found[:, [0, 2]]).max() < 1e-12  # nothing turns it out of its mirror plane
 
 
-def test_a_law_that_never_balances_is_lost_not_scored_well():
-    law = linear_law(stiffness=-0.04, domain=sample_law([7e-3, 1.4e-3]).domain)
-    assert np.all(np.isnan(free_branch(law, np.array([5e3, 1e4]))))
-
-
 def test_a_law_without_a_free_branch_counts_as_infinitely_wrong(tmp_path):
     upside_down = linear_law(stiffness=-0.04, domain=sample_law([7e-3, 1.4e-3]).domain)
+    assert np.all(np.isnan(free_branch(upside_down, np.array([5e3, 1e4]))))
     found = scores(Known(lambda values: upside_down), solved_designs((2, 4)), tmp_path)["all"]
     assert found.free_lost == found.free_states > 0
     assert found.free_median == np.inf
@@ -148,21 +144,6 @@ def test_each_design_is_left_out_once_in_the_same_parts_each_time():
     assert sorted(np.concatenate(one)) == list(range(25))
     assert len(one) == 6
     assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
-
-
-def test_few_designs_are_left_out_one_by_one():
-    assert len(parts_of(solved_designs((3, 4)), 8, 4)) == 12
-    assert len(parts_of(solved_designs((2, 3)), 8, 4, stated=False)) == 6
-
-
-def test_more_folds_than_designs():
-    with pytest.raises(UserError, match=r"folds is 60, and there are 16 designs; at most 16"):
-        parts_of(solved_designs(), 60, 4)
-
-
-def test_too_few_designs():
-    with pytest.raises(UserError, match="fitted to at least 4 designs and scored on one more, so 4 are too"):
-        parts_of(solved_designs((2, 2)), 4, 4)
 
 
 def test_an_interruption_loses_one_part(tmp_path):
@@ -192,3 +173,12 @@ def test_scores_survive_the_store(tmp_path):
     model = StandInMetaModel(StandInMetaModelConfig())
     one = scores(model, solved_designs(), tmp_path)["border"]
     assert Scores.of_values(one.as_values()) == one
+
+
+def test_few_designs_are_left_out_one_by_one_and_too_few_are_refused():
+    assert len(parts_of(solved_designs((3, 4)), 8, 4)) == 12
+    assert len(parts_of(solved_designs((2, 3)), 8, 4, stated=False)) == 6
+    with pytest.raises(UserError, match=r"folds is 60, and there are 16 designs; at most 16"):
+        parts_of(solved_designs(), 60, 4)
+    with pytest.raises(UserError, match="fitted to at least 4 designs and scored on one more, so 4 are too"):
+        parts_of(solved_designs((2, 2)), 4, 4)

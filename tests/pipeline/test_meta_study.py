@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from html import unescape
 
 import numpy as np
 import pytest
@@ -16,9 +15,7 @@ from pliant.errors import UserError
 from pliant.pipeline.meta_model.designs import values_of
 from pliant.pipeline.meta_model.error_bars import LEVELS
 from pliant.pipeline.study import laws_of_study
-from pliant.report.folder import finished, read_folder, write_folder
-from pliant.report.render import page
-from pliant.report.run import run_document
+from pliant.report.folder import read_folder, write_folder
 
 RADIUS, LENGTH = 4.7e-3, 8.6e-3
 
@@ -59,98 +56,6 @@ def test_the_whole_study_runs(folder):
     angles = run.engines[0].result.final.joint_angles
     assert angles == pytest.approx(bench.free_angle(RADIUS, LENGTH, 10e3), rel=0.01)
     assert run.unused == ()
-
-
-def test_nothing_is_fitted_twice(folder):
-    first = api.meta_model(opened(folder))
-    again = api.meta_model(opened(folder))
-    assert again.stage.artifact.cached
-    assert again.stage.artifact.key == first.stage.artifact.key
-    other = api.meta_model(opened(folder, overrides=["meta_model.extrapolate=true"]))
-    assert other.stage.artifact.cached
-
-
-def test_folds_make_other_scores_and_another_artifact(folder):
-    one = api.meta_model(opened(folder)).stage
-    other = api.meta_model(opened(folder, overrides=["meta_model.folds=3"])).stage
-    assert one.artifact.key != other.artifact.key
-    assert (one.parts, other.parts) == (12, 3)
-
-
-def test_the_table_counts_by_its_content(folder, tmp_path):
-    one = api.meta_model(opened(folder)).stage
-    moved = shutil.copy(folder / "fem.csv", tmp_path / "moved.csv")
-    path = bench.unseen(tmp_path, data=moved)
-    other = api.meta_model(api.open_study(path, store=folder / "store")).stage
-    assert other.artifact.cached
-    assert other.artifact.key == one.artifact.key
-
-
-def test_two_segments_of_two_designs_have_two_laws(folder):
-    chain = "chain: {segments: [{modules: 1}, {modules: 1, family: {radius: 5.2 mm}}], gravity: [0, 0, 0]}"
-    stages = laws(folder, ("chain: {modules: 2, gravity: [0, 0, 0]}", chain))
-    assert len(stages) == 2
-    gains = [s.law.law.evaluate(np.array([1e4]), np.zeros((1, 1))).dtau_dp[0, 0] for s in stages]
-    assert gains == pytest.approx([2e-6 * (4.7 / 5) ** 2, 2e-6 * (5.2 / 5) ** 2], rel=0.01)
-    assert stages[0].law.key != stages[1].law.key
-
-
-def test_a_segment_with_a_surrogate_of_its_own_keeps_it(folder):
-    stated = "{kind: polynomial, form: study, coefficients: {k_n: 2e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.05}}"
-    chain = f"chain: {{segments: [{{modules: 1}}, {{modules: 1, surrogate: {stated}}}], gravity: [0, 0, 0]}}"
-    stages = laws(folder, ("chain: {modules: 2, gravity: [0, 0, 0]}", chain))
-    assert [s.design.meta_model is None for s in stages] == [False, True]
-    assert stages[1].law.artifact is None
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        (
-            ("radius: 4.7 mm", "radius: 6 mm"),
-            "family.radius is 6 mm, outside the meta-model's range 4 mm to 5.5",
-        ),
-        (
-            ("length: 8.6 mm", "length: 7.9 mm"),
-            "family.length is 7.9 mm, outside .* range 8 mm to 10 mm; solve",
-        ),
-    ],
-)
-def test_a_design_for_which_the_model_does_not_hold(folder, change, sentence):
-    with pytest.raises(UserError, match=sentence):
-        laws(folder, change)
-
-
-def test_a_family_of_another_kind(folder):
-    family = (
-        "{kind: bellow_bending, inner_radius: 3 mm, average_radius: 7 mm, wall: 1.5 mm, module_length: 10 mm}"
-    )
-    with pytest.raises(UserError, match="'radius_m' varies .* not a parameter of the study's family"):
-        laws(folder, ("{kind: springs, radius: 4.7 mm, length: 8.6 mm}", family))
-
-
-def test_extrapolation_is_allowed_by_choice_and_said(folder):
-    (stages,) = laws(folder, ("radius: 4.7 mm", "radius: 5.8 mm"), overrides=["meta_model.extrapolate=true"])
-    assert stages.law.report.details["inside"] is False
-
-
-def test_a_wrong_number_of_folds_shows_before_any_fit(folder):
-    with pytest.raises(UserError, match="folds is 40, and there are 12 designs"):
-        laws(folder, overrides=["meta_model.folds=40"])
-
-
-def test_a_design_on_the_border_is_inside(folder):
-    (stages,) = laws(folder, ("radius: 4.7 mm", "radius: 5.5 mm"), ("length: 8.6 mm", "length: 8 mm"))
-    assert stages.law.report.details["inside"] is True
-
-
-def test_scores_stand_in_the_law_s_report(folder):
-    (stages,) = laws(folder)
-    report = stages.law.report
-    assert report.n_heldout == 12 * 16
-    assert report.worst_of_range == report.details["scores"]["all"]["worst_of_range"]
-    assert set(report.details["coverage"]["all"]) == {f"{level:g}" for level in LEVELS}
-    assert report.details["stable"] is True
 
 
 def test_a_sweep_is_solved_and_then_no_design_again(tmp_path, monkeypatch):
@@ -223,13 +128,6 @@ def test_the_run_folder_gives_the_law_on_another_machine(folder, tmp_path):
     assert json.loads((away / "run.json").read_text())["meta_models"][0]["kind"] == "stand_in"
 
 
-@pytest.mark.slow
-def test_the_page_says_where_the_law_came_from(folder):
-    here = opened(folder)
-    document = run_document(finished(api.simulate(here), {"study": "unseen"}))
-    assert "meta-model" in document.sentence and document.sentence in unescape(page(document).html)
-
-
 def test_a_notebook_has_laws_scores_and_the_next_design(folder):
     unseen = api.meta_model(opened(folder))
     law = unseen.law({"radius": "5 mm", "length": "9 mm"})
@@ -242,3 +140,62 @@ def test_a_notebook_has_laws_scores_and_the_next_design(folder):
         unseen.law({"radius": "9 mm", "length": "9.5 mm"})
     with pytest.raises(UserError, match="radiuss"):
         unseen.law({"radiuss": "5 mm"})
+
+
+def test_nothing_is_fitted_twice_and_a_table_counts_by_its_content(folder, tmp_path):
+    first = api.meta_model(opened(folder)).stage
+    moved = bench.unseen(tmp_path, data=shutil.copy(folder / "fem.csv", tmp_path / "moved.csv"))
+    again = [opened(folder, overrides=[f"meta_model.extrapolate={word}"]) for word in ("false", "true")]
+    for one in (*again, api.open_study(moved, store=folder / "store")):
+        stage = api.meta_model(one).stage
+        assert stage.artifact.cached and stage.artifact.key == first.artifact.key
+    other = api.meta_model(opened(folder, overrides=["meta_model.folds=3"])).stage
+    assert other.artifact.key != first.artifact.key and (first.parts, other.parts) == (12, 3)
+
+
+CHAIN = "chain: {modules: 2, gravity: [0, 0, 0]}"
+STATED = "{kind: polynomial, form: study, coefficients: {k_n: 2e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.05}}"
+
+
+def test_segments_of_two_designs_have_two_laws_and_one_with_a_surrogate_keeps_its_own(folder):
+    segments = (
+        f"{{modules: 1}}, {{modules: 1, family: {{radius: 5.2 mm}}}}, {{modules: 1, surrogate: {STATED}}}"
+    )
+    stages = laws(folder, (CHAIN, f"chain: {{segments: [{segments}], gravity: [0, 0, 0]}}"))
+    gains = [s.law.law.evaluate(np.array([1e4]), np.zeros((1, 1))).dtau_dp[0, 0] for s in stages]
+    assert gains == pytest.approx([2e-6 * (4.7 / 5) ** 2, 2e-6 * (5.2 / 5) ** 2, 2e-6], rel=0.01)
+    assert len({s.law.key for s in stages}) == 3
+    assert [s.design.meta_model is None for s in stages] == [False, False, True]
+    assert stages[2].law.artifact is None
+
+
+SPRINGS = "{kind: springs, radius: 4.7 mm, length: 8.6 mm}"
+BELLOW = (
+    "{kind: bellow_bending, inner_radius: 3 mm, average_radius: 7 mm, wall: 1.5 mm, module_length: 10 mm}"
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "overrides", "sentence"),
+    [
+        (("4.7 mm", "6 mm"), [], "family.radius is 6 mm, outside the meta-model's range 4 mm to 5.5"),
+        (("8.6 mm", "7.9 mm"), [], "family.length is 7.9 mm, outside .* range 8 mm to 10 mm"),
+        ((SPRINGS, BELLOW), [], "'radius_m' varies .* not a parameter of the study's family"),
+        (("name: unseen", "name: other"), ["meta_model.folds=40"], "folds is 40, and there are 12 designs"),
+    ],
+)
+def test_a_design_for_which_the_model_does_not_hold(folder, change, overrides, sentence):
+    with pytest.raises(UserError, match=sentence):
+        laws(folder, change, overrides=overrides)
+
+
+def test_scores_stand_in_the_law_s_report_and_whether_the_design_is_inside(folder):
+    on_the_border = [("radius: 4.7 mm", "radius: 5.5 mm"), ("length: 8.6 mm", "length: 8 mm")]
+    (stages,) = laws(folder, *on_the_border)
+    report = stages.law.report
+    assert report.n_heldout == 12 * 16
+    assert report.worst_of_range == report.details["scores"]["all"]["worst_of_range"]
+    assert set(report.details["coverage"]["all"]) == {f"{level:g}" for level in LEVELS}
+    assert (report.details["stable"], report.details["inside"]) == (True, True)
+    (stages,) = laws(folder, ("radius: 4.7 mm", "radius: 5.8 mm"), overrides=["meta_model.extrapolate=true"])
+    assert stages.law.report.details["inside"] is False

@@ -126,18 +126,14 @@ def test_rigid_parts_lengthen_the_bodies_they_stand_in(tmp_path: Path) -> None:
     centre = (0.8 * 2.75 + 3 * 9.5 + 0.8 * 16.25) / 4.6
     np.testing.assert_allclose(1e3 * chain.bodies[2].com_m, [centre, 0, 0], atol=1e-9)
     assert [len(shapes) for shapes in chain.shapes] == [1, 0, 0, 0, 1]
+    pose = ChainGeometry.of(chain).forward(np.zeros((4, 1)))  # rings are the ends of the segments
+    heights = [pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.rings]
+    np.testing.assert_allclose(-1e3 * np.array(heights)[:, 2], [0, 20, 42, 50, 72, 78], atol=1e-9)
     cap = chain.shapes[-1][0]
     np.testing.assert_allclose(cap.position_m, [8.5e-3, 0, 0])
     np.testing.assert_allclose(cap.size_m, (4e-3, 3e-3))
     np.testing.assert_allclose(np.abs(cap.rotation[:, 2]), [1, 0, 0], atol=1e-15)
     np.testing.assert_allclose(cap.rotation.T @ cap.rotation, np.eye(3), atol=1e-15)
-
-
-def test_rings_are_the_ends_of_the_segments(tmp_path: Path) -> None:
-    chain = chain_of(tmp_path, **STUDIES["rigid parts"])
-    pose = ChainGeometry.of(chain).forward(np.zeros((4, 1)))
-    heights = [pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.rings]
-    np.testing.assert_allclose(-1e3 * np.array(heights)[:, 2], [0, 20, 42, 50, 72, 78], atol=1e-9)
 
 
 def test_joints_beside_the_axis_turn_with_their_segment(tmp_path: Path) -> None:
@@ -158,61 +154,17 @@ def test_joints_beside_the_axis_turn_with_their_segment(tmp_path: Path) -> None:
     assert np.linalg.norm(both[1] - both[0]) == pytest.approx(2 * 3e-3 * np.sin(0.15))
 
 
-def test_each_segment_has_its_own_law(tmp_path: Path) -> None:
-    chain = chain_of(tmp_path, **STUDIES["own laws"])
-    assert [joint.law for joint in chain.joints] == [0, 0, 1, 1]
-    at = np.array([1e4]), np.zeros((1, 1))
-    assert [float(law.evaluate(*at).tau[0, 0]) for law in chain.laws] == pytest.approx([1.6e-2, 8e-3])
-
-
 def test_segments_of_one_law_share_it_and_only_laws_in_use_are_made(tmp_path: Path) -> None:
     """The study's own surrogate would need data, but no module has it."""
+    own = chain_of(tmp_path, **STUDIES["own laws"])
+    assert [joint.law for joint in own.joints] == [0, 0, 1, 1]
+    at = np.array([1e4]), np.zeros((1, 1))
+    assert [float(law.evaluate(*at).tau[0, 0]) for law in own.laws] == pytest.approx([1.6e-2, 8e-3])
     same = [{"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(), "rotation": 1}]
     chain = chain_of(tmp_path, chain={"segments": same, **ROD})
     assert len(chain.laws) == 1
     with pytest.raises(UserError, match="needs data"):
         chain_of(tmp_path, chain={"segments": [*same, {"modules": 1}], **ROD})
-
-
-def table(path: Path, stiffness: float) -> None:
-    rows = [
-        f"{p},{u},{1.6e-6 * p - stiffness * u - 1e-6 * p * u}"
-        for p in range(0, 15001, 3000)
-        for u in (0, 0.2, 0.4)
-    ]
-    path.write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
-
-
-def test_a_segment_s_table_counts_by_its_content(tmp_path: Path) -> None:
-    own = {"modules": 1, "surrogate": {"kind": "polynomial", "data": "own.csv"}}
-    study = {"surrogate": stated(), "chain": {"segments": [{"modules": 1}, own], **ROD}}
-
-    def key(stiffness: float) -> tuple[str, bool]:
-        table(tmp_path / "own.csv", stiffness)
-        artifact = run(tmp_path, **study).engines[0].artifact
-        assert artifact is not None
-        return artifact.key, artifact.cached
-
-    first, again, other = key(0.03), key(0.03), key(0.04)
-    assert first[0] == again[0] and again[1] and not other[1] and other[0] != first[0]
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ({"rigid": {"length": "6 mm"}}, {"rigid": {"length": "7 mm"}}),
-        ({"rigid": {"length": "6 mm", "mass": "1 g"}}, {"rigid": {"length": "6 mm", "mass": "2 g"}}),
-        ({"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(b_e=0.04)}),
-        ({"modules": 1, "module_offset": "1 mm"}, {"modules": 1, "module_offset": "2 mm"}),
-    ],
-)
-def test_what_a_segment_is_made_of_is_in_the_key(tmp_path: Path, old: Any, new: Any) -> None:
-    keys = []
-    for segment in (old, new):
-        done = run(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
-        assert done.engines[0].artifact is not None
-        keys.append(done.engines[0].artifact.key)
-    assert keys[0] != keys[1]
 
 
 def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
@@ -225,34 +177,6 @@ def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
         assert one.law.evaluate(*at).tau == other.law.evaluate(*at).tau
 
 
-@pytest.mark.parametrize(
-    ("segments", "says"),
-    [
-        ([{"modules": 1, "rigid": {"length": "1 mm"}}], "either 'modules' or 'rigid'"),
-        ([{"rotation": 1}], "either 'modules' or 'rigid'"),
-        ([{"modules": 1}, {"rigid": {"length": 0}}], "length"),
-        (
-            [{"modules": 1}, {"rigid": {"mass": "1 g"}}],
-            "'chain.segments.1.rigid': a rigid piece needs a 'length' above 0",
-        ),
-        ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "rotation": 1}], "nothing of modules"),
-        ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "surrogate": stated()}], "nothing of modules"),
-        ([{"rigid": {"length": "1 mm"}}], "all its segments are rigid"),
-        ([{"modules": 1, "surrogate": {"kind": "polynomail"}}], "polynomail"),
-        ([{"modules": 1, "surrogate": {"kind": "polynomial", "degree": 3}}], "'degree' is not a key"),
-        ([{"modules": 1, "surrogate": {"form": "study"}}], "kind"),
-        ([{"modules": 1, "surrogate": PRISMATIC}, {"modules": 1}], r"prismatic \(x\) and revolute \(y\)"),
-        (
-            [{"modules": 1, "surrogate": SPHERICAL}, {"modules": 1}],
-            r"revolute \(y\) and spherical \(x, y, z\)",
-        ),
-    ],
-)
-def test_wrong_segments_are_refused(tmp_path: Path, segments: Any, says: str) -> None:
-    with pytest.raises(UserError, match=says):
-        chain_of(tmp_path, surrogate=stated(), chain={"segments": segments, **ROD})
-
-
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TASKS_PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
@@ -261,3 +185,58 @@ def test_blocks_of_the_page_on_tasks_are_accepted(tmp_path: Path, number: int) -
     (tmp_path / "study.yaml").write_text(f"pliant: 1\nname: page\n{BLOCKS[number]}", encoding="utf-8")
     study = load_study(tmp_path / "study.yaml", REGISTRY)
     assert study.task or study.chain or study.surrogate
+
+
+SEGMENTS = {
+    "another rigid length": ({"rigid": {"length": "6 mm"}}, {"rigid": {"length": "7 mm"}}),
+    "a rigid mass": ({"rigid": {"length": "6 mm"}}, {"rigid": {"length": "6 mm", "mass": "2 g"}}),
+    "another law": ({"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(b_e=0.04)}),
+    "offset": ({"modules": 1, "module_offset": "1 mm"}, {"modules": 1, "module_offset": "2 mm"}),
+}
+
+
+def test_what_a_segment_is_made_of_is_in_the_key_and_a_table_counts_by_its_content(tmp_path: Path) -> None:
+    def key(segment: Any) -> str:
+        done = run(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
+        assert done.engines[0].artifact is not None
+        return done.engines[0].artifact.key
+
+    for name, (old, new) in SEGMENTS.items():
+        assert key(old) != key(new), name
+    own, keys = {"modules": 1, "surrogate": {"kind": "polynomial", "data": "own.csv"}}, []
+    for stiffness in (0.03, 0.03, 0.04):
+        states = [(p, u) for p in range(0, 15001, 3000) for u in (0, 0.2, 0.4)]
+        rows = [f"{p},{u},{1.6e-6 * p - stiffness * u - 1e-6 * p * u}" for p, u in states]
+        (tmp_path / "own.csv").write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
+        keys.append(key(own))
+    assert keys[0] == keys[1] != keys[2]
+
+
+TWO_KINDS = r"revolute \(y\)"
+
+
+@pytest.mark.parametrize(
+    ("segment", "says"),
+    [
+        ({"modules": 1, "rigid": {"length": "1 mm"}}, "either 'modules' or 'rigid'"),
+        ({"rotation": 1}, "either 'modules' or 'rigid'"),
+        ({"modules": 2, "turn": 0.1, "rotation": 0.2}, "either 'rotation'"),
+        ({"modules": 2, "actuation_share": 0}, "greater than 0"),
+        ({"rigid": {"length": 0}}, "'chain.segments.1.rigid': a rigid piece needs a 'length' above 0"),
+        ({"rigid": {"section": "module"}}, "needs a 'length' above 0"),
+        ({"rigid": {"length": "1 mm"}, "rotation": 1}, "nothing of modules"),
+        ({"rigid": {"length": "1 mm"}, "turn": 0.1}, "nothing of modules"),
+        ({"rigid": {"length": "1 mm"}, "actuation_share": 0.5}, "nothing of modules"),
+        ({"rigid": {"length": "1 mm"}, "surrogate": stated()}, "nothing of modules"),
+        ({"modules": 1, "surrogate": {"kind": "polynomail"}}, "polynomail"),
+        ({"modules": 1, "surrogate": {"kind": "polynomial", "degree": 3}}, "'degree' is not a key"),
+        ({"modules": 1, "surrogate": {"form": "study"}}, "kind"),
+        ({"modules": 1, "surrogate": PRISMATIC}, rf"prismatic \(x\) and {TWO_KINDS}"),
+        ({"modules": 1, "surrogate": SPHERICAL}, rf"{TWO_KINDS} and spherical \(x, y, z\)"),
+    ],
+)
+def test_wrong_segments_are_refused(tmp_path: Path, segment: Any, says: str) -> None:
+    with pytest.raises(UserError, match=says):
+        chain_of(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
+    with pytest.raises(UserError, match="all its segments are rigid"):
+        chain_of(tmp_path, surrogate=stated(), chain={"segments": [{"rigid": {"length": "1 mm"}}], **ROD})

@@ -137,21 +137,6 @@ def job(opened, folder, **changes):
     return replace(plain, **changes)
 
 
-def test_a_worker_with_other_code_is_refused(tmp_path):
-    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path))
-    assert answer.status == "stop"
-    assert "another version" in answer.cause
-
-
-def test_a_stop_ends_the_sweep_with_the_workers_sentence(tmp_path, monkeypatch):
-    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
-    monkeypatch.setattr(
-        sweep, "solve", lambda job, say=None: solve(replace(job, progress="/nowhere/progress"))
-    )
-    with pytest.raises(UserError, match="does not see the store"):
-        api.sweep(bench.opened(tmp_path, GRID), workers=1)
-
-
 HOLDER = """\
 import sys, time
 from filelock import FileLock
@@ -210,44 +195,6 @@ def test_the_table_has_the_states_of_all_designs(tmp_path):
     assert len(read_table(tmp_path / "fem.csv")) == len(rows)
 
 
-DRIVER = """\
-import sys
-from pliant import api
-if __name__ == "__main__":
-    api.sweep(api.open_study(sys.argv[1], ["fem.delay_s=0.2"], store=sys.argv[2]), workers=2)
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
-def test_no_worker_outlives_a_killed_driver(tmp_path, log):
-    script = tmp_path / "driver.py"
-    script.write_text(DRIVER)
-    path = bench.study(tmp_path, GRID)
-    driver = subprocess.Popen([sys.executable, script, path, tmp_path / "store"], start_new_session=True)
-    wait_until(lambda: sum(bench.solved(log).values()) >= 3)
-    workers = {int(pid) for pid in bench.pids(log)}
-    assert driver.pid not in workers
-    os.kill(driver.pid, signal.SIGKILL)
-    driver.wait()
-    wait_until(lambda: not any(alive(pid) for pid in workers))
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
-        return file.read().rpartition(")")[2].split()[0] != "Z"
-
-
-def wait_until(condition, seconds=30):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.05)
-
-
 @pytest.mark.slow
 def test_a_sweep_may_be_driven_from_a_thread(tmp_path):
     done = []
@@ -301,3 +248,55 @@ def test_given_pools_and_dask_agree_bit_for_bit_and_a_pool_that_breaks_says_so(t
     opened = bench.opened(tmp_path, "{defect: [dies]}")
     with ProcessPoolExecutor(1, get_context("spawn")) as pool, pytest.raises(NotReachedError, match="broke"):
         api.sweep(opened, pool)
+
+
+def test_a_worker_without_the_store_or_with_other_code_stops_the_sweep_with_its_sentence(
+    tmp_path, monkeypatch
+):
+    opened = bench.opened(tmp_path, GRID)
+    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
+    answer = solve(job(opened, tmp_path))
+    assert answer.status == "stop" and "another version" in answer.cause
+    monkeypatch.setattr(
+        sweep, "solve", lambda job, say=None: solve(replace(job, progress="/nowhere/progress"))
+    )
+    with pytest.raises(UserError, match="does not see the store .* shared file system"):
+        api.sweep(opened, workers=1)
+
+
+DRIVER = """\
+import sys
+from pliant import api
+if __name__ == "__main__":
+    api.sweep(api.open_study(sys.argv[1], ["fem.delay_s=0.2"], store=sys.argv[2]), workers=2)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
+def test_no_worker_outlives_a_killed_driver(tmp_path, log):
+    script = tmp_path / "driver.py"
+    script.write_text(DRIVER)
+    path = bench.study(tmp_path, GRID)
+    driver = subprocess.Popen([sys.executable, script, path, tmp_path / "store"], start_new_session=True)
+    wait_until(lambda: sum(bench.solved(log).values()) >= 3)
+    workers = {int(pid) for pid in bench.pids(log)}
+    assert driver.pid not in workers
+    os.kill(driver.pid, signal.SIGKILL)
+    driver.wait()
+    wait_until(lambda: not any(alive(pid) for pid in workers))
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+        return file.read().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(condition, seconds=30):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)

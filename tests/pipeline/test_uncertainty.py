@@ -27,6 +27,10 @@ def test_one_hinge_turns_by_the_error_over_its_stiffness() -> None:
     law = barred()
     chain = sample_chain(law, modules=1, gravity=(0, 0, 0))
     drawn = drawn_chains(chain, 60, seed=4)
+    many = drawn_chains(sample_chain(law, modules=5), 1, seed=0)[0]
+    assert len(many.laws) == 1 and {joint.law for joint in many.joints} == {0}, (
+        "a design's modules share one draw"
+    )
     backend = Quasistatic(QuasistaticConfig())
     turns = []
     for one in drawn:
@@ -39,13 +43,6 @@ def test_one_hinge_turns_by_the_error_over_its_stiffness() -> None:
     assert np.array(turns) - 0.2 == pytest.approx(np.array(errors) / slopes, rel=0.05, abs=2e-5)
     band = law.band(np.array([1e4]), at_rest, 0.6827)
     assert np.std(turns) == pytest.approx(band[0, 0] / 0.04, rel=0.5)
-
-
-def test_all_modules_of_a_design_share_one_draw() -> None:
-    chain = sample_chain(barred(), modules=5)
-    drawn = drawn_chains(chain, 3, seed=0)
-    assert [len(one.laws) for one in drawn] == [1, 1, 1]
-    assert len({joint.law for joint in drawn[0].joints}) == 1
 
 
 def test_stated_laws_have_no_error_to_carry() -> None:
@@ -61,6 +58,8 @@ def result(x: float, converged: bool = True, **metrics: object) -> TaskResult:
 
 def test_intervals_hold_their_share_and_failures_are_counted() -> None:
     results = [result(x, height_m=2 * x, mode="slip") for x in np.linspace(0, 1, 101)]
+    none = spread([result(0.0, converged=False)] * 3, 0.9)
+    assert none["failed"] == 3 and "tip_radius_m" not in none
     told = spread([*results, result(9.0, converged=False, height_m=0.0)], 0.8)
     assert told["failed"] == 1 and told["samples"] == 102
     assert told["tip_low_m"][0] == pytest.approx(0.1) and told["tip_high_m"][0] == pytest.approx(0.9)
@@ -69,12 +68,14 @@ def test_intervals_hold_their_share_and_failures_are_counted() -> None:
     assert "mode" not in told["metrics"]
 
 
-def test_without_a_settled_run_there_is_no_interval() -> None:
-    told = spread([result(0.0, converged=False)] * 3, 0.9)
-    assert told["failed"] == 3 and "tip_radius_m" not in told
-
-
 @pytest.mark.parametrize("wrong", [{"samples": 2}, {"level": "150 %"}, {"sample": 9}])
 def test_wrong_settings_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         UncertaintyConfig.model_validate(wrong)
+
+
+@pytest.mark.parametrize(("level", "least"), [(0.95, 18), (0.99, 98)])
+def test_a_level_needs_samples_enough_to_see_it(level: float, least: int) -> None:
+    assert UncertaintyConfig(level=level, samples=least).samples == least
+    with pytest.raises(ValidationError, match=f"needs at least {least} samples, and there are {least - 1}"):
+        UncertaintyConfig(level=level, samples=least - 1)

@@ -14,24 +14,23 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+
+
+def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
+    """The code of a manifest with one component."""
+    imports = (
+        "from pliant.registry.component import Component\nfrom pliant.registry.hookspecs import hookimpl\n"
+    )
+    return f"{imports}\n{contract}\n\n\n@hookimpl\ndef pliant_components():\n    return [{answer}]\n"
+
+
 BROKEN = {
     "broken_import": "import a_module_that_nobody_has\n",
-    "broken_answer": (
-        "from pliant.registry.hookspecs import hookimpl\n\nCONTRACT = 2\n\n\n"
-        "@hookimpl\ndef pliant_components():\n    return ['effect']\n"
-    ),
-    "broken_twice": (
-        "from pliant.registry.component import Component\n"
-        "from pliant.registry.hookspecs import hookimpl\n\nCONTRACT = 2\n\n\n"
-        "@hookimpl\ndef pliant_components():\n"
-        "    return [Component('family', 'bellow_bending', 'none:Config', 'none:Family', 'mine')]\n"
-    ),
+    "broken_answer": manifest("'effect'"),
+    "broken_twice": manifest("Component('family', 'bellow_bending', 'none:Config', 'none:Family', 'mine')"),
     # The manifest that `new-plugin` wrote under contract 1.
-    "broken_old": (
-        "from pliant.registry.component import Component\n"
-        "from pliant.registry.hookspecs import hookimpl\n\n\n"
-        "@hookimpl\ndef pliant_components():\n"
-        "    return [Component('effect', 'old_gain', 'broken_old.config:C', 'broken_old.effect:E', 'a gain')]\n"
+    "broken_old": manifest(
+        "Component('effect', 'old_gain', 'broken_old.config:C', 'broken_old.effect:E', 'a gain')", contract=""
     ),
 }
 
@@ -54,14 +53,8 @@ class Environment:
 
     def install(self, packages: Sequence[Path]) -> None:
         """Build and install packages without network, dependencies or build isolation."""
-        options = [
-            "--no-deps",
-            "--no-build-isolation",
-            "--no-index",
-            "--disable-pip-version-check",
-            "--quiet",
-        ]
-        done = self.run("-m", "pip", "install", *options, *packages)
+        options = "--no-deps --no-build-isolation --no-index --disable-pip-version-check --quiet"
+        done = self.run("-m", "pip", "install", *options.split(), *packages)
         assert done.returncode == 0, done.stderr
 
 

@@ -36,26 +36,12 @@ def test_third_party_family_is_found(listed: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "package", "cause"),
-    [
-        (
-            "broken_import",
-            "broken_import 0.1",
-            "ModuleNotFoundError: No module named 'a_module_that_nobody_has'",
-        ),
-        (
-            "broken_answer",
-            "broken_answer 0.1",
-            "TypeError: pliant_components returned 'effect', which is no Component",
-        ),
-    ],
+    ("name", "error"), [("broken_import", "ModuleNotFoundError: "), ("broken_answer", "TypeError: ")]
 )
-def test_broken_package_is_named_with_its_cause(
-    listed: dict[str, Any], name: str, package: str, cause: str
-) -> None:
+def test_broken_package_is_named_with_its_cause(listed: dict[str, Any], name: str, error: str) -> None:
     failed = {failure["name"]: failure for failure in listed["failed"]}
-    assert failed[name]["package"].replace("-", "_") == package
-    assert failed[name]["cause"] == cause
+    assert failed[name]["package"].replace("-", "_") == f"{name} 0.1"
+    assert failed[name]["cause"].startswith(error)
 
 
 def test_a_package_of_contract_1_is_named_with_what_to_change(

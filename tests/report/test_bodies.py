@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pliant.formatting import number, percent, seconds, small_length, unit_of_field
 from pliant.report.figures import body, rendering
 
 LENGTH, FREE = 0.011, 0.36
@@ -72,26 +71,3 @@ def test_picture_of_a_face_has_its_area_and_faces_away_are_not_drawn() -> None:
     assert image[..., 3].sum() == pytest.approx(100 * 100, rel=0.02)
     away = rendering.Surface(points, np.arange(9)[None][:, rendering.TRANSPOSED], np.ones(9))
     assert rendering.draw(away, camera, window, rendering.Look())[..., 3].sum() == 0
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.0, "0"), (15.0, "15"), (0.00012, "0.00012"), (1234567.0, "1.2·10⁶"), (-3.6e-31, "0"), (-2.5, "−2.5"),
-     (3e-9, "3.0·10⁻⁹"), (float("nan"), "–"), (100.0, "100"), (True, "yes"), (None, "–")],
-)  # fmt: skip
-def test_numbers(value: Any, text: str) -> None:
-    assert number(value) == text
-
-
-def test_quantities() -> None:
-    assert (small_length(3.04e-8), small_length(0.0), small_length(1e-12)) == (
-        "30 nm",
-        "0 mm",
-        "less than 1 nm",
-    )
-    assert (seconds(0.0149), seconds(72.25), seconds(200.4)) == ("14.9 ms", "72.2 s", "3 min 20 s")
-    assert (percent(0.00173), percent(1e-7)) == ("0.17 %", "less than 0.0001 %")
-    assert unit_of_field("wall_m")[0] == "wall" and unit_of_field("pressures") == (
-        "pressures",
-        unit_of_field("seed")[1],
-    )

@@ -98,11 +98,11 @@ def test_scores_are_the_pipelines_own() -> None:
         assert rows[place][4] == percent(axis.worst_of_range, 3)
         assert rows[place][5] == percent(scores.free_median, 3)
     assert percent(one.scores["interior"].worst_of_range) in meta_sentence(one)
-
-
-def test_models_stand_side_by_side() -> None:
-    rows = score_rows([fitted(), replace(fitted(), name="study")])
-    assert [row.label for row in rows][3:] == ["study: all", "study: interior", "study: border"]
+    beside = score_rows([one, replace(one, name="study")])
+    assert [row.label for row in beside][3:] == ["study: all", "study: interior", "study: border"]
+    names = ("average_radius_m", "material.shear_modulus_pa", "convolutions")
+    units = ["average radius (mm)", "shear modulus (kPa)", "convolutions"]
+    assert [parameter_unit(name).axis for name in names] == units
 
 
 def test_the_worst_designs_are_those_of_the_worst_states() -> None:
@@ -193,10 +193,3 @@ def test_three_axes_and_one_parameter_have_pictures_too() -> None:
     values = one.designs.values[:, :1]
     line = replace(one, designs=replace(one.designs, names=one.designs.names[:1], values=values))
     assert len(design_errors(line).tobytes()) > 5_000
-
-
-def test_parameters_are_named_with_their_units() -> None:
-    found = [
-        parameter_unit(n).axis for n in ("average_radius_m", "material.shear_modulus_pa", "convolutions")
-    ]
-    assert found == ["average radius (mm)", "shear modulus (kPa)", "convolutions"]

@@ -66,12 +66,11 @@ def test_axes_are_in_human_units_and_hold_every_kind_of_value() -> None:
     assert np.isnan(axes["side"].place(1.0))
     raw = one.result.history.values[samples.RADIUS.name]
     assert axes["average radius"].values == pytest.approx(1e3 * raw)
-
-
-def test_a_maximised_objective_reads_as_stated() -> None:
-    one = read(samples.contextual())
-    assert one.scores()[one.ok] == pytest.approx(-one.result.history.objectives[one.ok, 0])
-    assert one.scores()[one.order()[0]] == np.nanmax(one.scores())
+    influence = [SearchView.influence(slope) for slope in one.by_influence()]
+    assert influence == sorted(influence, reverse=True) and len(influence) == 5
+    up = read(samples.contextual())
+    assert up.scores()[up.ok] == pytest.approx(-up.result.history.objectives[up.ok, 0])
+    assert up.scores()[up.order()[0]] == np.nanmax(up.scores())
 
 
 def test_branches_are_read_from_the_history_or_from_the_branches() -> None:
@@ -89,13 +88,9 @@ def test_ranges_leave_out_what_would_flatten_the_rest() -> None:
     assert shown_range(values, maximised=False)[1] < 3
     assert shown_range(-values, maximised=True)[0] > -3
     assert shown_range(np.array([1.0, 2.0]), maximised=False) == (1.0, 2.0)
+    outlying = np.where(np.arange(200) == 50, 1e6, 1.0)
+    assert np.all(moving_median(np.arange(200.0), outlying)[1] == 1.0)
     assert log_suits(np.geomspace(1, 100, 20)) and not log_suits(np.linspace(-1, 100, 20))
-
-
-def test_a_moving_median_is_not_moved_by_one_outlier() -> None:
-    values = np.ones(200)
-    values[50] = 1e6
-    assert np.all(moving_median(np.arange(200.0), values)[1] == 1.0)
 
 
 def test_the_last_quarter_is_that_of_the_condition() -> None:
@@ -103,11 +98,6 @@ def test_the_last_quarter_is_that_of_the_condition() -> None:
     rows = last_rows(one, 2)
     assert len(rows) and rows.min() >= 180
     assert set(one.result.history.context[rows].tolist()) == {2} and one.ok[rows].all()
-
-
-def test_slopes_stand_by_influence() -> None:
-    found = [SearchView.influence(slope) for slope in read(samples.one_branch()).by_influence()]
-    assert found == sorted(found, reverse=True) and len(found) == 5
 
 
 def test_successes_are_counted_by_the_checks_own_trials() -> None:

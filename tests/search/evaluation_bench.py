@@ -1,15 +1,11 @@
 """Studies whose searches cost milliseconds, for tests of the evaluator and of scenarios."""
 
-import csv
-from pathlib import Path
-
 import numpy as np
 from tests.pipeline import meta_bench
 
 from pliant import api
 from pliant.search.problem.search_problem import SearchProblem
 
-ROOT = Path(__file__).resolve().parents[2]
 # One hinge without weight: it turns by k_n p / b_e, 0.05 rad per kPa.
 GAIN, STIFFNESS = 2e-6, 0.04
 HINGE = """\
@@ -41,20 +37,6 @@ chain:
 physics: quasistatic
 task: {kind: follow_shape, pressure: 12 kPa, steps: 3, target: {radius: 18 mm, height: 60 mm}, alignment: roll}
 """
-HELICAL = """\
-pliant: 1
-name: helical
-family: {kind: bellow_helical, inner_radius: 3 mm, average_radius: 6 mm, wall: 1.5 mm, module_length: 5 mm}
-material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}
-meta_model: {kind: regression, regressor: polynomial, folds: 2, data: TABLE}
-chain:
-  base: {direction: [0.88, 0, -0.47]}
-  segments:
-    - {modules: 2, rotation: 0, family: {average_radius: 5.6 mm, module_length: 4.7 mm}}
-    - {modules: 2, rotation: 0.85, family: {average_radius: 6.3 mm}}
-physics: quasistatic
-task: {kind: follow_shape, pressure: 12 kPa, steps: 3, target: {radius: 18 mm, height: 60 mm}, alignment: roll}
-"""
 
 
 def opened(folder, study, search):
@@ -70,32 +52,12 @@ def hinge(folder, search, change=("", "")):
     return opened(folder, HINGE.replace(*change), search)
 
 
-def springs(folder, search, task="{kind: free_bending, pressure: 10 kPa}"):
+def springs(folder, search, task="{kind: free_bending, pressure: 10 kPa}", change=("", "")):
     """Two springs whose law is the stand-in meta-model's; its table is written once."""
     if not (folder / "fem.csv").exists():
         meta_bench.table(folder)
-    text = BENDING.replace("TABLE", str(folder / "fem.csv")).replace("TASK", f"task: {task}")
+    text = BENDING.replace("TABLE", str(folder / "fem.csv")).replace("TASK", f"task: {task}").replace(*change)
     return opened(folder, text, search)
-
-
-def helical_table(folder):
-    """Six of the solved helical designs."""
-    path = folder / "six.csv"
-    with (ROOT / "examples/designs/helical_grid.csv").open() as source, path.open("w") as target:
-        rows = csv.reader(source)
-        head = next(rows)
-        radius, length = head.index("average_radius_m"), head.index("module_length_m")
-        write = csv.writer(target, lineterminator="\n").writerow
-        write(head)
-        for row in rows:
-            if row[radius] in ("0.005", "0.006", "0.007") and row[length] in ("0.004", "0.006"):
-                write(row)
-    return path
-
-
-def helical(folder, search):
-    """Four helical bellows in two segments, their laws by regression."""
-    return opened(folder, HELICAL.replace("TABLE", str(helical_table(folder))), search)
 
 
 def drawn(problem, seed):

@@ -4,9 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from tests.search.found_stand_ins import found
-from tests.search.test_verification import Problem, springs
+from tests.search.test_verification import RADIUS, Problem, springs
 
-from pliant.execution.executors import FuturesExecutor, InlineExecutor, executor_for
+from pliant.execution.executors import FuturesExecutor, InlineExecutor
 from pliant.pipeline import simulate
 from pliant.search.verify import check as check_runs
 from pliant.search.verify.check import run_ahead
@@ -14,7 +14,6 @@ from pliant.search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
 BOTH = ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]")
-RADIUS = {"family.radius": 4.7e-3}
 
 
 @pytest.fixture(autouse=True)
@@ -44,18 +43,14 @@ def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threa
     assert check.notes == expected.notes == ()
 
 
-def test_processes_run_the_designs_of_several_conditions(tmp_path, monkeypatch):
+def test_the_designs_of_several_conditions_are_run_ahead(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
     problem = Problem(opened, CONDITIONS)
     designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]
-    with executor_for(2) as executor:
-        run_ahead(opened.bench, problem, designs, executor)
+    run_ahead(opened.bench, problem, designs, threads)
     monkeypatch.setattr(simulate, "run_task", never)
-    angles = [
-        verify(opened.bench, problem, design).verified["quasistatic"]["max_joint_angle_rad"]
-        for design in designs
-    ]
-    assert 0 < angles[0] < angles[1]
+    soft, hard = (verify(opened.bench, problem, design).verified["quasistatic"] for design in designs)
+    assert 0 < soft["max_joint_angle_rad"] < hard["max_joint_angle_rad"]
 
 
 def test_a_design_that_fem_does_not_solve_is_told_by_the_check(tmp_path, threads):

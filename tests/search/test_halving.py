@@ -1,38 +1,25 @@
 """Successive halving: the best searches go on, an interruption changes nothing, what cannot be halved is refused."""
 
 from collections import Counter
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.search_study import STUDY
-from tests.search.test_journal import StopError, Stopping
+from tests.search.toy_search import StopError, Watched
 
-from pliant import api
 from pliant.errors import UserError
 from pliant.search.run.search import Halving
 
-PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 SEARCHES, BUDGET = 9, 6
-MODULES = "search.variables.n={key: chain.modules, low: 2, high: 10, each: true}"
+HALVED = (
+    "search.variables.n={key: chain.modules, low: 2, high: 10, each: true}",
+    f"search.budget={BUDGET}",
+    "search.halving={factor: 3}",
+    "search.verify=null",
+)
 
 
-@pytest.fixture
-def opened(tmp_path):
-    """Open the study: nine searches of one batch each."""
-    path = tmp_path / "study.yaml"
-    path.write_text(STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n")
-    usual = (MODULES, f"search.budget={BUDGET}", "search.halving={factor: 3}", "search.verify=null")
-
-    def call(*overrides, store="store"):
-        return api.open_study(path, (*usual, *overrides), store=tmp_path / store)
-
-    return call
-
-
-def test_the_best_third_goes_on_with_three_times_the_candidates(opened):
-    history = api.optimize(opened(), workers=1).history
+def test_the_best_third_goes_on_with_three_times_the_candidates(optimized):
+    history = optimized(*HALVED).history
     counts = Counter(history.branch.tolist())
     assert Counter(counts.values()) == {6: 6, 18: 2, 54: 1}
     for budget, left in ((6, 3), (18, 1)):
@@ -42,35 +29,36 @@ def test_the_best_third_goes_on_with_three_times_the_candidates(opened):
         assert going == set(sorted(tried, key=best.__getitem__)[:left])
 
 
-def test_the_winner_is_what_its_search_alone_finds_with_as_many_candidates(opened):
-    result = api.optimize(opened(), workers=1)
-    (best,) = result.best
-    alone = api.optimize(opened("search.halving=null", "search.budget=54", store="other"), workers=1)
+def test_the_winner_is_what_its_search_alone_finds_with_as_many_candidates(optimized):
+    (best,) = optimized(*HALVED).best
+    alone = optimized(*HALVED, "search.halving=null", "search.budget=54", store="other")
     same = alone.history.branch == best.branch
     assert best.objectives["abs(tip_x - 10 mm)"] == np.nanmin(alone.history.objectives[same, 0])
 
 
-@pytest.mark.parametrize("after", [0, 40, 54, 60, 91, 100, 125])
-def test_interrupted_anywhere_it_ends_the_same(opened, after):
-    whole = api.optimize(opened(store="whole"), workers=1)
-    study = opened(store="cut")
-    stopped = replace(study, bench=replace(study.bench, progress=Stopping(after)))
-    with pytest.raises(StopError):
-        api.optimize(stopped, workers=1)
-    again = api.optimize(study, workers=1)
-    assert np.array_equal(again.history.branch, whole.history.branch)
-    assert np.array_equal(again.history.objectives, whole.history.objectives)
-    assert [design.values for design in again.best] == [design.values for design in whole.best]
-    assert again.evaluations == whole.evaluations
+def test_interrupted_anywhere_it_ends_the_same(optimized):
+    whole = optimized(*HALVED, store="whole")
+    for after in (0, 54, 91, 125):
+        store = f"cut-{after}"
+        with pytest.raises(StopError):
+            optimized(*HALVED, store=store, progress=Watched(after))
+        again = optimized(*HALVED, store=store)
+        assert np.array_equal(again.history.branch, whole.history.branch)
+        assert np.array_equal(again.history.objectives, whole.history.objectives)
+        assert [design.values for design in again.best] == [design.values for design in whole.best]
+        assert again.evaluations == whole.evaluations
 
 
-def test_workers_change_nothing(opened):
-    alone, both = api.optimize(opened(), workers=1), api.optimize(opened(store="two"), workers=2)
+def test_workers_change_nothing(optimized):
+    """Of a search that is halved, and whose best are tried once more."""
+    again = "search.confirm={best: 2, change: {chain.payload: 2 g}}"
+    alone, both = (optimized(*HALVED, again, store=str(n), workers=n) for n in (1, 2))
     assert np.array_equal(alone.history.objectives, both.history.objectives)
+    assert [design.objectives for design in alone.best] == [design.objectives for design in both.best]
 
 
-def test_budgets_are_rounded_up_to_whole_batches(opened):
-    history = api.optimize(opened("search.budget=7", "search.halving={factor: 9}"), workers=1).history
+def test_budgets_are_rounded_up_to_whole_batches(optimized):
+    history = optimized(*HALVED, "search.budget=7", "search.halving={factor: 9}").history
     assert Counter(Counter(history.branch.tolist()).values()) == {12: 8, 66: 1}
 
 
@@ -85,9 +73,9 @@ def test_budgets_are_rounded_up_to_whole_batches(opened):
         ),
     ],
 )
-def test_what_cannot_be_halved_is_refused(opened, overrides, said):
+def test_what_cannot_be_halved_is_refused(optimized, overrides, said):
     with pytest.raises(UserError, match=said):
-        api.optimize(opened(*overrides), workers=1)
+        optimized(*HALVED, *overrides)
 
 
 @pytest.mark.parametrize(

@@ -10,44 +10,12 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.search.toy_search import Narrowing, ToyProblem, searched, told
+from tests.search.toy_search import Narrowing, StopError, ToyProblem, Watched, searched, told
 
 from pliant.search.run import loop
 from pliant.search.run.journal import Journal, keep_journals, take_journals
 
 EACH = ({"s": 0}, {"s": 1}, {"s": 2})
-
-
-class StopError(Exception):
-    """Stands for whatever ends a process."""
-
-
-class Stopping:
-    """Progress that ends the search after so many steps."""
-
-    def __init__(self, after):
-        self.left, self.notes = after, []
-
-    def begin(self, title, total, done=0):
-        self.done = done
-        return self
-
-    def advance(self, steps=1):
-        self.left -= steps
-        if self.left < 0:
-            raise StopError
-
-    def note(self, text):
-        self.notes.append(text)
-
-    def describe(self, text):
-        pass
-
-    def expect(self, total):
-        pass
-
-    def finish(self):
-        pass
 
 
 def lines(folder, name="branch-0"):
@@ -59,18 +27,17 @@ def whole(tmp_path):
     return told(searched(tmp_path / "whole", branches=EACH))
 
 
-@pytest.mark.parametrize("after", [0, 3, 17, 45, 80, 118])
-@pytest.mark.parametrize("often", [True, False])
+@pytest.mark.parametrize(("after", "often"), [(0, True), (17, False), (45, True), (80, False), (118, True)])
 def test_a_search_that_is_ended_goes_on_to_the_same_result(tmp_path, whole, after, often, monkeypatch):
     monkeypatch.setattr(loop, "SNAPSHOT_EVERY_S", 0.0 if often else 1e9)
     with pytest.raises(StopError):
-        searched(tmp_path / "a", branches=EACH, progress=Stopping(after))
+        searched(tmp_path / "a", branches=EACH, progress=Watched(after=after))
     assert told(searched(tmp_path / "a", branches=EACH)) == whole
 
 
 def test_what_was_evaluated_is_not_evaluated_again(tmp_path, whole):
     with pytest.raises(StopError):
-        searched(tmp_path / "a", branches=EACH, progress=Stopping(50))
+        searched(tmp_path / "a", branches=EACH, progress=Watched(after=50))
     kept = sum(
         len(json.loads(line)["rows"]) for k in range(2) for line in lines(tmp_path / "a", f"branch-{k}")
     )
@@ -78,10 +45,10 @@ def test_what_was_evaluated_is_not_evaluated_again(tmp_path, whole):
     assert told(searched(tmp_path / "a", branches=EACH, log=str(log))) == whole
     assert len(log.read_text().splitlines()) == 120 - kept
     log.unlink()
-    bar = Stopping(10_000)
+    bar = Watched()
     assert told(searched(tmp_path / "a", branches=EACH, log=str(log), progress=bar)) == whole
     assert not log.exists()
-    assert bar.done == 40
+    assert bar.done == bar.total == 120  # known, all of it
 
 
 def test_a_torn_line_is_dropped(tmp_path, whole):
@@ -104,18 +71,12 @@ def test_rubbish_within_the_journal_costs_what_follows_it_only(tmp_path, whole):
     assert len(log.read_text().splitlines()) == 40 - 18
 
 
-def test_rubbish_as_a_state_is_passed_over(tmp_path, whole):
+def test_a_state_that_is_rubbish_or_ahead_of_the_journal_is_passed_over(tmp_path, whole):
     searched(tmp_path / "a", branches=EACH, budget=24)
-    (tmp_path / "a/branch-2.state.json").write_text('{"batches": 2')
-    assert told(searched(tmp_path / "a", branches=EACH)) == whole
-
-
-def test_a_state_that_is_ahead_of_the_journal_is_passed_over(tmp_path):
-    whole = told(searched(tmp_path / "whole", budget=24))
-    searched(tmp_path / "a", budget=24)
     assert json.loads((tmp_path / "a/branch-0.state.json").read_text())["batches"] == 4
+    (tmp_path / "a/branch-2.state.json").write_text('{"batches": 2')
     Journal(tmp_path / "a", "branch-0").keep(2)
-    assert told(searched(tmp_path / "a", budget=24)) == whole
+    assert told(searched(tmp_path / "a", branches=EACH)) == whole
 
 
 def test_a_state_of_batches_that_were_dropped_does_not_come_back(tmp_path):
@@ -142,7 +103,7 @@ def test_an_optimizer_that_has_changed_begins_anew_and_says_so(tmp_path, make, w
     searched(tmp_path / "a", budget=24)
     if make is shifted:
         (tmp_path / "a/branch-0.state.json").unlink()
-    bar = Stopping(10_000)
+    bar = Watched()
     again = told(searched(tmp_path / "a", budget=24, make=make, progress=bar))
     assert again == told(searched(tmp_path / "b", budget=24, make=make))
     (note,) = bar.notes
@@ -174,7 +135,7 @@ def test_until_is_seen_again_in_the_journal(tmp_path):
 
 def test_the_time_of_all_sessions_adds_up(tmp_path):
     with pytest.raises(StopError):
-        searched(tmp_path / "a", delay_s=0.004, progress=Stopping(30))
+        searched(tmp_path / "a", delay_s=0.004, progress=Watched(after=30))
     before = json.loads(lines(tmp_path / "a")[-1])["wall_s"]
     (branch,) = searched(tmp_path / "a", delay_s=0.004)
     assert before > 0.05

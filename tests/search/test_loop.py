@@ -1,15 +1,14 @@
 """The loop: what is found depends on the seed alone; constraints, `until`, budgets and failures are kept apart."""
 
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, searched, told
+from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, Watched, searched, told
 
 from pliant.errors import ContractError
 from pliant.execution.executors import InlineExecutor
-from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Context, Space, Trial
 from pliant.search.run.results import best_of, counts_of, front_of, history_of
 
@@ -20,23 +19,16 @@ def rows(branches):
     return [(branch.index, row) for branch in branches for row in branch.trials]
 
 
-def test_a_search_spends_its_budget_and_finds_the_optimum(tmp_path):
-    (branch,) = searched(tmp_path, budget=300)
-    assert (branch.evaluated, branch.stopped, len(branch.trials)) == (300, "budget", 300)
+@pytest.mark.parametrize(
+    ("budget", "generations", "evaluated", "batches"),
+    [(300, None, 300, 50), (20, None, 20, 4), (1, 7, 42, 7)],
+)
+def test_a_search_spends_its_budget_in_batches(tmp_path, budget, generations, evaluated, batches):
+    (branch,) = searched(tmp_path, budget=budget, generations=generations)
+    assert (branch.budget, branch.evaluated, branch.batches) == (evaluated, evaluated, batches)
+    assert (branch.stopped, len(branch.trials)) == ("budget", evaluated)
     best = best_of(rows([branch]))[1]
-    assert best.objectives[0] < 2e-3
-    assert best.values["n"] == 2
-
-
-def test_the_last_batch_is_cut_to_the_budget(tmp_path):
-    (branch,) = searched(tmp_path, budget=20)
-    assert branch.evaluated == 20
-    assert branch.batches == 4
-
-
-def test_generations_are_batches_of_the_optimizers_own_size(tmp_path):
-    (branch,) = searched(tmp_path, budget=1, generations=7)
-    assert (branch.budget, branch.evaluated, branch.batches) == (42, 42, 7)
+    assert budget < 300 or (best.objectives[0] < 2e-3 and best.values["n"] == 2)
 
 
 def test_the_seed_decides_and_branches_differ(tmp_path):
@@ -78,41 +70,28 @@ def test_until_is_asked_of_every_condition_that_has_a_design_of_its_own(tmp_path
     assert (again.stopped, told([again])) == ("until", told([branch]))
 
 
-def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):
-    (branch,) = searched(tmp_path, budget=60, problem=ToyProblem(most=-0.2))
+def test_what_is_refused_is_told_but_neither_simulated_nor_counted(tmp_path):
+    (branch,) = searched(tmp_path / "a", budget=60, problem=ToyProblem(most=-0.2))
     assert branch.evaluated == 60
-    assert branch.refused > 0
     for row in branch.trials:
         over = row.values["a"] + row.values["b"] + 0.2
         assert (row.state == "refused") == (over > 0)
         if over > 0:
             assert row.violation == pytest.approx(over)
-            outcome = row.told(1)
-            assert np.isnan(outcome.objective)
-            assert outcome.violation > 0
-    refused, failed = counts_of(rows([branch]))
-    assert refused == {"a + b <= -0.2": branch.refused}
-    assert failed == {}
-
-
-def test_designs_that_the_evaluator_refuses_do_not_count_either(tmp_path):
-    (branch,) = searched(tmp_path, budget=30, refused_above=-0.5)
-    assert branch.evaluated == 30
-    assert counts_of(rows([branch]))[0] == {"too high": branch.refused}
-    assert branch.refused > 0
-
-
-def test_a_space_where_nothing_is_allowed_ends(tmp_path):
-    (branch,) = searched(tmp_path, budget=4, problem=ToyProblem(most=-9.0))
-    assert (branch.stopped, branch.evaluated) == ("exhausted", 0)
-    assert 200 <= branch.refused <= 206
+            assert np.isnan(row.told(1).objective) and row.told(1).violation > 0
+    assert counts_of(rows([branch])) == ({"a + b <= -0.2": branch.refused}, {})
+    (own,) = searched(tmp_path / "b", budget=30, refused_above=-0.5)
+    assert own.evaluated == 30
+    assert counts_of(rows([own]))[0] == {"too high": own.refused} != {"too high": 0}
+    (none,) = searched(tmp_path / "c", budget=4, problem=ToyProblem(most=-9.0))
+    assert (none.stopped, none.evaluated) == ("exhausted", 0)
+    assert 200 <= none.refused <= 206
 
 
 def test_nan_and_errors_count_and_are_survived(tmp_path):
     (branch,) = searched(tmp_path, budget=80, nan_below=-0.2, raises_below=-0.8)
     assert branch.evaluated == 80
-    failed = counts_of(rows([branch]))[1]
-    assert set(failed) == {"rmse is not a number", "ZeroDivisionError: b"}
+    assert set(counts_of(rows([branch]))[1]) == {"rmse is not a number", "ZeroDivisionError: b"}
     history = history_of(PLANE, rows([branch]), 1)
     assert np.isnan(history.objectives[history.status > 1]).all()
     assert np.isfinite(history.objectives[history.status == 0]).all()
@@ -125,29 +104,6 @@ def test_contexts_are_tried_in_their_one_condition(tmp_path):
     assert [row.context for row in branch.trials[:4]] == [0, 1, 0, 1]
     best = [best_of(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
     assert [row.values["n"] for row in best] == [2, 3]
-
-
-class Cancelling(ThreadPoolExecutor):
-    """A cluster that cancels the third job that it gets."""
-
-    def __init__(self):
-        super().__init__(1)
-        self.jobs = 0
-
-    def submit(self, *args, **kwargs):
-        self.jobs += 1
-        if self.jobs != 3:
-            return super().submit(*args, **kwargs)
-        lost = Future()
-        lost.cancel()
-        lost.set_running_or_notify_cancel()
-        return lost
-
-
-def test_a_job_that_the_cluster_cancels_runs_again(tmp_path):
-    with Cancelling() as pool:
-        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, executor=pool)
-    assert told(cancelled) == told(searched(tmp_path / "b", branches=EACH[:2], budget=20))
 
 
 class Unruly(Narrowing):
@@ -164,12 +120,6 @@ class Many(Narrowing):
         return super().ask(count + 1)
 
 
-@pytest.mark.parametrize(("make", "words"), [(Unruly, "over a, b, n"), (Many, "proposes 7")])
-def test_an_optimizer_that_breaks_its_contract_is_named(tmp_path, make, words):
-    with pytest.raises(ContractError, match=words):
-        searched(tmp_path, make=make)
-
-
 class Mute(Narrowing):
     """Has nothing to propose after the first batch."""
 
@@ -177,40 +127,29 @@ class Mute(Narrowing):
         return super().ask(count) if self.asked < 6 else []
 
 
+@pytest.mark.parametrize(("make", "words"), [(Unruly, "over a, b, n"), (Many, "proposes 7")])
+def test_an_optimizer_that_breaks_its_contract_is_named(tmp_path, make, words):
+    with pytest.raises(ContractError, match=words):
+        searched(tmp_path, make=make)
+
+
 def test_an_optimizer_with_nothing_left_ends_the_search(tmp_path):
     (branch,) = searched(tmp_path, make=Mute)
     assert (branch.stopped, branch.evaluated) == ("exhausted", 6)
 
 
-def test_the_bar_tells_totals_and_the_best(tmp_path):
-    class Bar:
-        def begin(self, title, total, done=0):
-            self.total, self.steps, self.texts = total, done, []
-            return self
-
-        def advance(self, steps=1):
-            self.steps += steps
-
-        def describe(self, text):
-            self.texts.append(text)
-
-        def expect(self, total):
-            self.total = total
-
-        def finish(self):
-            self.ended = True
-
-        def note(self, text):
-            raise AssertionError(text)
-
-    bar = Bar()
+def test_the_bar_tells_totals_the_best_and_what_was_refused(tmp_path):
+    bar = Watched()
     problem = ToyProblem(most=0.5, good=0.02)
-    branches = searched(tmp_path, branches=({"s": 0}, {"s": 100}), problem=problem, budget=100, progress=bar)
-    assert bar.total == bar.steps == sum(branch.evaluated for branch in branches)
-    assert bar.ended
+    each = ({"s": 0}, {"s": 100})
+    branches = searched(tmp_path / "a", branches=each, problem=problem, budget=100, progress=bar)
+    assert bar.total == bar.done == sum(branch.evaluated for branch in branches)
     lowest = min(row.objectives[0] for branch in branches for row in branch.trials if row.feasible)
-    assert bar.texts[-1].startswith(f"best {lowest:.4g}")
-    assert "refused" in bar.texts[-1]
+    assert bar.texts[-1].startswith(f"best {lowest:.4g}") and "refused" in bar.texts[-1]
+    bar = Watched()
+    (branch,) = searched(tmp_path / "b", budget=4, problem=ToyProblem(most=-2.0), progress=bar)
+    assert any(all(row.state == "refused" for row in branch.trials[k : k + 6]) for k in range(0, 60, 6))
+    assert bar.texts[-1].endswith(f", {branch.refused} refused")
 
 
 def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
@@ -223,7 +162,7 @@ def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
             time.sleep(0.0 if values[-1] else slow_s / self.size)
             return super().submit(function, *values)
 
-    class Titles(Silent):
+    class Titles(Watched):
         def begin(self, title, total, done=0):
             begun.append((title, time.perf_counter()))
             return self
@@ -233,18 +172,6 @@ def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
     assert [title for title, _ in begun] == ["workers begin", "searching"]
     assert begun[1][1] - started >= slow_s
     assert 0.0 < branch.wall_s < time.perf_counter() - started - slow_s
-
-
-def test_the_bar_counts_what_was_refused_in_batches_of_nothing_else(tmp_path):
-    texts = []
-
-    class Texts(Silent):
-        def describe(self, text):
-            texts.append(text)
-
-    (branch,) = searched(tmp_path, budget=4, problem=ToyProblem(most=-2.0), progress=Texts())
-    assert any(all(row.state == "refused" for row in branch.trials[k : k + 6]) for k in range(0, 60, 6))
-    assert texts[-1].endswith(f", {branch.refused} refused")
 
 
 def test_the_front_holds_what_nothing_beats():

@@ -3,16 +3,13 @@ changes are refused.
 """
 
 import time
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.search_study import STUDY
+from tests.search.toy_search import Watched
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Trial, Variable
 from pliant.report.search import lines
 from pliant.report.search_files import search_json
@@ -21,32 +18,20 @@ from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
 from pliant.search.problem.search_problem import reevaluation_problem
 from pliant.search.run.reevaluation import best_apart
 
-PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 NAME = "abs(tip_x - 10 mm)"
 BEST = 5
+NOISY = ("chain.gravity=[0, 0, -9.81]", "search.verify=null")
 HEAVIER = f"search.confirm={{best: {BEST}, change: {{chain.payload: 2 g}}}}"
-DOWN = "chain.gravity=[0, 0, -9.81]"
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
 
 
-@pytest.fixture
-def opened(tmp_path):
-    path = tmp_path / "study.yaml"
-    path.write_text(STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n")
-
-    def call(*overrides, store="store"):
-        return api.open_study(path, (DOWN, "search.verify=null", *overrides), store=tmp_path / store)
-
-    return call
-
-
 def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
-    study = opened(HEAVIER)
+    study = opened(*NOISY, HEAVIER)
     result = api.optimize(study, workers=1)
     (best,) = result.best
     history = result.history
     order = apart(history)[:BEST]
-    heavier = opened("chain.payload=2 g")
+    heavier = opened(*NOISY, "chain.payload=2 g")
     evaluator = Evaluator(heavier.bench, problem_of(heavier.bench, heavier.study))
     again = [
         evaluator.evaluate({name: float(column[k]) for name, column in history.values.items()}).objectives[0]
@@ -75,8 +60,8 @@ def apart(history):
     return found
 
 
-def test_near_twins_of_a_better_candidate_are_left_out(opened):
-    history = api.optimize(opened(), workers=1).history
+def test_near_twins_of_a_better_candidate_are_left_out(optimized):
+    history = optimized(*NOISY).history
     assert len(apart(history)) < len(history)
     assert apart(history)[:BEST] != list(np.argsort(history.objectives[:, 0], kind="stable")[:BEST])
 
@@ -104,14 +89,8 @@ def told(number, values):
     return Trial(number, values, -1, "ok", (float(number),))
 
 
-def test_workers_change_nothing(opened):
-    alone = api.optimize(opened(HEAVIER), workers=1)
-    both = api.optimize(opened(HEAVIER, store="two"), workers=2)
-    assert [design.objectives for design in alone.best] == [design.objectives for design in both.best]
-
-
-def test_each_condition_chooses_among_its_own(opened):
-    result = api.optimize(opened("optimizer=contextual", LOADED, HEAVIER), workers=1)
+def test_each_condition_chooses_among_its_own(optimized):
+    result = optimized(*NOISY, "optimizer=contextual", LOADED, HEAVIER)
     assert [design.context for design in result.best] == [0, 1]
     for design in result.best:
         assert list(design.conditions) == [result.conditions[design.context]]
@@ -119,7 +98,7 @@ def test_each_condition_chooses_among_its_own(opened):
 
 
 def test_conditions_give_way_to_what_is_tried_again(opened):
-    study = opened(LOADED, "search.confirm={change: {chain.payload_kg: 0.002, task.steps: 3}}")
+    study = opened(*NOISY, LOADED, "search.confirm={change: {chain.payload_kg: 0.002, task.steps: 3}}")
     problem = reevaluation_problem(problem_of(study.bench, study.study))
     values = {v.name: v.variable.low for v in problem.variables}
     for condition in (0, 1):
@@ -127,63 +106,40 @@ def test_conditions_give_way_to_what_is_tried_again(opened):
         assert (tried.chain.payload_kg, tried.task.steps) == (0.002, 3)
 
 
-def test_a_journal_serves_with_and_without(opened):
-    api.optimize(opened(), workers=1)
-    notes = []
-    study = opened(HEAVIER)
-    study.bench.progress.note = notes.append
-    api.optimize(study, workers=1)
-    assert any("going on from the journal" in note for note in notes)
+def test_a_journal_serves_with_and_without(optimized):
+    optimized(*NOISY)
+    watched = Watched()
+    optimized(*NOISY, HEAVIER, progress=watched)
+    assert any("going on from the journal" in note for note in watched.notes)
 
 
-def test_its_time_is_that_of_the_search(opened, monkeypatch):
-    before = api.optimize(opened(), workers=1)
+def test_its_time_is_that_of_the_search(optimized, monkeypatch):
+    before = optimized(*NOISY)
 
     def slow(*given):
         time.sleep(0.05)
         return evaluated(*given)
 
     monkeypatch.setattr(workers, "evaluated", slow)
-    assert api.optimize(opened(HEAVIER), workers=1).wall_s >= before.wall_s + 0.05 * BEST
+    assert optimized(*NOISY, HEAVIER).wall_s >= before.wall_s + 0.05 * BEST
 
 
-class Impatient(Silent):
-    """Somebody who interrupts when so many of the best have been tried again."""
-
-    def __init__(self, after):
-        self.after, self.done = after, None
-
-    def begin(self, title, total, done=0):
-        self.done = done if title == "the best once more" else None
-        return self
-
-    def advance(self, steps=1):
-        if self.done is not None:
-            self.done += steps
-            if self.done == self.after:
-                raise KeyboardInterrupt
-
-
-def test_interrupted_there_it_goes_on_with_those_that_are_left(opened):
-    whole = api.optimize(opened(HEAVIER, store="whole"), workers=1)
-    study = opened(HEAVIER)
+def test_interrupted_there_it_goes_on_with_those_that_are_left(optimized):
+    whole = optimized(*NOISY, HEAVIER, store="whole")
     with pytest.raises(KeyboardInterrupt):
-        api.optimize(replace(study, bench=replace(study.bench, progress=Impatient(3))), workers=1)
-    patient = Impatient(BEST + 1)
-    result = api.optimize(replace(study, bench=replace(study.bench, progress=patient)), workers=1)
+        optimized(*NOISY, HEAVIER, progress=Watched(2, KeyboardInterrupt, "the best once more"))
+    result = optimized(*NOISY, HEAVIER)
     assert [vars(design) for design in result.best] == [vars(design) for design in whole.best]
     assert (result.evaluations, result.simulations) == (whole.evaluations, whole.simulations)
 
 
-def test_more_of_the_best_go_on_and_another_change_begins_anew(opened, monkeypatch):
-    api.optimize(opened(HEAVIER), workers=1)
+def test_more_of_the_best_go_on_and_another_change_begins_anew(optimized, monkeypatch):
+    optimized(*NOISY, HEAVIER)
     tried = []
     monkeypatch.setattr(workers, "evaluated", lambda *given: tried.append(1) or evaluated(*given))
-    api.optimize(
-        opened(HEAVIER.replace(f"best: {BEST}", f"best: {BEST + 2}"), "search.sensitivity=false"), workers=1
-    )
+    optimized(*NOISY, HEAVIER.replace(f"best: {BEST}", f"best: {BEST + 2}"), "search.sensitivity=false")
     assert len(tried) == 2
-    api.optimize(opened(HEAVIER.replace("2 g", "3 g"), "search.sensitivity=false"), workers=1)
+    optimized(*NOISY, HEAVIER.replace("2 g", "3 g"), "search.sensitivity=false")
     assert len(tried) == 2 + BEST
 
 
@@ -195,6 +151,6 @@ def test_more_of_the_best_go_on_and_another_change_begins_anew(opened, monkeypat
         (("search.objective=[abs(tip_x - 10 mm), tip_z]", "optimizer=front", HEAVIER), "lists several"),
     ],
 )
-def test_wrong_changes_are_refused_before_the_search(opened, overrides, said):
+def test_wrong_changes_are_refused_before_the_search(optimized, overrides, said):
     with pytest.raises(UserError, match=said):
-        api.optimize(opened(*overrides), workers=1)
+        optimized(*NOISY, *overrides)

@@ -2,39 +2,20 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.search_study import STUDY
-from tests.search.test_evaluation import Noted
-from tests.search.toy_search import Narrowing
+from tests.search.toy_search import Narrowing, Watched
 
-from pliant import api
 from pliant.errors import UserError
 from pliant.records.search import Verification
 from pliant.report.search import lines
-from pliant.report.search_page import robust_section
-from pliant.report.search_view import SearchView, price
 from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
 from pliant.search.verify.check import converged, merged
 
-PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
-
-
-@pytest.fixture
-def opened(tmp_path):
-    """Open the study with another optimizer and other changes."""
-    path = tmp_path / "study.yaml"
-    text = STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n"
-
-    def call(*overrides, store="store", change=("", "")):
-        path.write_text(text.replace(*change))
-        return api.open_study(path, overrides, store=tmp_path / store)
-
-    return call
+UNCHECKED = "search.verify=null"
 
 
 def best_in(result, context):
@@ -42,10 +23,8 @@ def best_in(result, context):
     return np.nanmin(history.objectives[history.context == context, 0])
 
 
-def test_each_condition_has_its_own_best_design(opened):
-    result = api.optimize(
-        opened("optimizer=contextual", "search.budget=24", LOADED, "chain.gravity=[0, 0, -9.81]"), workers=1
-    )
+def test_each_condition_has_its_own_best_design(optimized):
+    result = optimized("optimizer=contextual", "search.budget=24", LOADED, "chain.gravity=[0, 0, -9.81]")
     assert result.conditions == ("light", "heavy")
     assert [design.context for design in result.best] == [0, 1]
     assert [list(design.conditions) for design in result.best] == [["light"], ["heavy"]]
@@ -58,17 +37,13 @@ def test_each_condition_has_its_own_best_design(opened):
     assert set(result.verification.predicted) == {"quasistatic"}
 
 
-def test_a_search_may_do_without_sensitivity_and_is_gone_on_from(opened):
-    notes = []
-    study = opened("search.sensitivity=false", "search.verify=null")
-    plain = api.optimize(study, workers=1)
+def test_a_search_may_do_without_sensitivity_and_is_gone_on_from(optimized):
+    plain, watched = optimized("search.sensitivity=false", UNCHECKED), Watched()
     assert plain.slopes == ()
     assert not [line for line in lines(plain, "quasistatic") if line.startswith("slope ")]
-    more = opened("search.verify=null")
-    more.bench.progress.note = notes.append
-    result = api.optimize(more, workers=1)
+    result = optimized(UNCHECKED, progress=watched)
     assert result.slopes
-    assert any("going on from the journal" in note for note in notes)
+    assert any("going on from the journal" in note for note in watched.notes)
     assert result.best[0].values == plain.best[0].values
 
 
@@ -82,11 +57,8 @@ SHARED = """\
 """
 
 
-def test_variables_that_are_one_are_told_in_the_units_of_their_key(opened):
-    study = opened(
-        "optimizer=contextual", "search.budget=12", "search.verify=null", LOADED, change=(OWN, SHARED)
-    )
-    result = api.optimize(study, workers=1)
+def test_variables_that_are_one_are_told_in_the_units_of_their_key(optimized):
+    result = optimized("optimizer=contextual", "search.budget=12", UNCHECKED, LOADED, change=(OWN, SHARED))
     records = {record.name: record for record in result.variables}
     assert list(records) == ["light", "heavy", "task.pressure"]
     merged_one = records["task.pressure"]
@@ -103,17 +75,15 @@ def test_variables_that_are_one_are_told_in_the_units_of_their_key(opened):
         if design.number >= 0:
             rows = np.flatnonzero(context == design.context)
             assert design.values[name] in shown[rows]
-    said = "\n".join(lines(result, "quasistatic"))
-    assert "         light " in said
-    assert "         heavy " in said
-    assert said.count("kPa") == 2  # each design has its own pressure only
 
 
-def test_a_slow_tasks_slopes_are_those_of_one_process(opened):
-    study = opened("search.budget=6", "search.verify=null")
+def test_the_slopes_of_a_robust_search_are_undisturbed_on_workers_too(opened, optimized):
+    robust = "search.robust={samples: 2, laws: false, compare: false, vary: {task.pressure: 20 %}}"
+    changes = (robust, "search.budget=4", UNCHECKED)
+    study = opened(*changes)
     with ThreadPoolExecutor(2) as pool:
         many = search_study(study.bench, study.study, executor=pool).value
-    alone = api.optimize(opened("search.budget=6", "search.verify=null", store="other"), workers=1)
+    alone = optimized(*changes, store="other")
     assert [slope.name for slope in many.slopes] == ["task.pressure", "chain.module_length"]
     for one, other in zip(many.slopes, alone.slopes, strict=True):
         np.testing.assert_array_equal(one.shares, other.shares)
@@ -121,20 +91,21 @@ def test_a_slow_tasks_slopes_are_those_of_one_process(opened):
         assert one.change == other.change
 
 
-def test_the_slopes_of_a_robust_search_are_undisturbed_on_workers_too(opened):
-    robust = "search.robust={samples: 2, laws: false, compare: false, vary: {task.pressure: 20 %}}"
-    study = opened(robust, "search.budget=4", "search.verify=null")
-    with ThreadPoolExecutor(2) as pool:
-        many = search_study(study.bench, study.study, executor=pool).value
-    alone = api.optimize(opened(robust, "search.budget=4", "search.verify=null", store="other"), workers=1)
-    for one, other in zip(many.slopes, alone.slopes, strict=True):
-        np.testing.assert_array_equal(one.objective, other.objective)
+def test_a_dask_cluster_finds_what_one_process_finds(opened, optimized):
+    distributed = pytest.importorskip("distributed")
+    study = opened("search.budget=12", UNCHECKED)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        found = search_study(study.bench, study.study, executor=cluster.scheduler_address).value
+    alone = optimized("search.budget=12", UNCHECKED, store="other")
+    assert [vars(design) for design in found.best] == [vars(design) for design in alone.best]
+    np.testing.assert_array_equal(found.history.objectives, alone.history.objectives)
 
 
-def test_a_check_without_fem_counts_by_its_prediction(opened):
-    study = opened("search.budget=4", "search.verify=null").study
+def test_a_check_without_fem_counts_by_its_prediction(opened, optimized):
     check = Verification({"quasistatic": {"m": 1.0}}, {}, {}, (), 0.0, 0.0)
-    made = api.optimize(opened("search.budget=4", "search.verify=null"), workers=1)
+    study, made = opened("search.budget=4", UNCHECKED).study, optimized("search.budget=4", UNCHECKED)
     for verification, engine, well in (
         (None, "quasistatic", True),
         (check, "quasistatic", True),
@@ -145,39 +116,33 @@ def test_a_check_without_fem_counts_by_its_prediction(opened):
         assert converged(replace(made, verification=verification), study, engine) == well
 
 
-def test_one_structure_may_be_fixed(opened):
+def test_one_structure_may_be_fixed(optimized):
     one = "search.variables.n={key: chain.modules, low: 3, high: 3, each: true}"
-    rule = "search.constraints=[n == 3]"
-    result = api.optimize(opened(one, rule, "search.budget=4", "search.verify=null"), workers=1)
+    result = optimized(one, "search.constraints=[n == 3]", "search.budget=4", UNCHECKED)
     assert result.branches == ({"n": 3},)
     assert "n" not in {slope.name for slope in result.slopes}
     assert not any("n == 3" in sentence for sentence in result.limits)
 
 
-def test_a_recommendation_that_is_better_than_all_that_was_tried_wins(opened):
-    result = api.optimize(opened("optimizer=knowing", "search.budget=2"), workers=1)
+def test_a_recommendation_that_is_better_than_all_that_was_tried_wins(optimized):
+    result = optimized("optimizer=knowing", "search.budget=2")
     assert result.best[0].number == -1
     assert result.best[0].values["task.pressure"] == 6.16245e3
     assert result.evaluations == 3
     assert result.best[0].objectives["abs(tip_x - 10 mm)"] < best_in(result, -1)
 
 
-def test_an_optimizer_with_nothing_left_is_not_taken_for_one_that_is_refused_all(opened, monkeypatch):
-    notes, ask = [], Narrowing.ask
+def test_an_optimizer_with_nothing_left_is_not_taken_for_one_that_is_refused_all(optimized, monkeypatch):
+    watched, ask = Watched(), Narrowing.ask
     monkeypatch.setattr(Narrowing, "ask", lambda self, count: ask(self, count) if self.asked < 12 else [])
-    study = opened("search.constraints=[task.pressure <= 8 kPa]", "search.verify=null")
-    object.__setattr__(study.bench, "progress", Noted(notes))
-    result = search_study(study.bench, study.study, workers=1).value
-    assert result.refused
-    assert result.stopped == "exhausted"
-    assert notes[-1] == "stopped early: the optimizer proposes nothing more."
+    result = optimized("search.constraints=[task.pressure <= 8 kPa]", UNCHECKED, progress=watched)
+    assert result.refused and result.stopped == "exhausted"
+    assert watched.notes[-1] == "stopped early: the optimizer proposes nothing more."
 
 
-def test_several_objectives_give_a_front(opened):
-    result = api.optimize(
-        opened("optimizer=front", "search.objective=[tip_x, {maximize: tip_z}]", "search.budget=30"),
-        workers=1,
-    )
+def test_several_objectives_give_a_front(optimized):
+    objective = "search.objective=[tip_x, {maximize: tip_z}]"
+    result = optimized("optimizer=front", objective, "search.budget=30")
     assert result.maximised == (False, True)
     rows = np.array([list(design.objectives.values()) for design in result.best])
     assert len(rows) > 1
@@ -209,32 +174,14 @@ def test_a_metric_that_the_task_does_not_measure_is_named_before_anything_is_sim
     assert not list(study.bench.store.root.rglob("*.jsonl"))
 
 
-def test_another_task_in_a_condition_may_measure_something_else(opened):
+def test_another_task_in_a_condition_may_measure_something_else(opened, optimized):
     hang = "search.conditions={hang: {task.kind: helical_hang, task.pressure: 5 kPa}}"
-    changes = ("search.objective=held", "search.budget=1", "search.verify=null")
-    study = opened(hang, *changes, change=(OWN, OWN.partition("\n")[2]))
-    assert api.optimize(study, workers=1).evaluations == 1
-
-
-def test_a_robust_search_says_what_it_costs(opened):
-    robust = "search.robust={samples: 4, laws: false, measure: worst, vary: {task.pressure: 20 %}}"
-    result = api.optimize(opened(robust, "search.budget=18"), workers=1)
-    found = result.robustness
-    assert found.sources == ("task.pressure ± 20 %",)
-    assert {name: spread.shape for name, spread in found.spread.items()} == {"nominal": (4,), "robust": (4,)}
-    assert found.robust_of_robust == pytest.approx(found.spread["robust"].max())
-    assert found.robust_of_nominal == pytest.approx(found.spread["nominal"].max())
-    assert found.robust_of_robust == pytest.approx(next(iter(result.best[0].objectives.values())))
-    assert found.nominal_of_nominal < found.robust_of_nominal
-    nominal = api.optimize(opened("search.budget=18"), workers=1)
-    assert found.nominal.values == nominal.best[0].values
-    assert found.robust_of_robust <= found.robust_of_nominal
-    assert result.simulations == 18 * 5
-    alone = api.optimize(
-        opened(robust.replace("{samples", "{compare: false, samples"), "search.budget=18"), workers=1
-    )
-    assert alone.robustness is None
-    assert alone.simulations == 18 * 5
+    changes = ("search.objective=held", "search.budget=1", UNCHECKED)
+    assert optimized(hang, *changes, change=(OWN, OWN.partition("\n")[2])).evaluations == 1
+    engine = "search.variables.engine={key: physics.kind, choices: [quasistatic, mujoco]}"
+    study = opened(engine, hang, change=(OWN, OWN.partition("\n")[2]))
+    kinds = {c.kind for c in components_of(study.bench, study.study)}
+    assert {"quasistatic", "mujoco", "free_bending", "helical_hang"} <= kinds
 
 
 ROBUST = "search.robust={samples: 4, laws: false, measure: worst, vary: {task.pressure: 20 %}}"
@@ -244,43 +191,56 @@ def first_of(result):
     return {name: float(column[0]) for name, column in result.history.values.items()}
 
 
-def test_a_robust_search_begins_at_the_nominal_design(opened):
+def test_a_robust_search_says_what_it_costs(optimized):
+    result = optimized(ROBUST, "search.budget=18")
+    found = result.robustness
+    assert found.sources == ("task.pressure ± 20 %",)
+    assert {name: spread.shape for name, spread in found.spread.items()} == {"nominal": (4,), "robust": (4,)}
+    assert found.robust_of_robust == pytest.approx(found.spread["robust"].max())
+    assert found.robust_of_nominal == pytest.approx(found.spread["nominal"].max())
+    assert found.robust_of_robust == pytest.approx(next(iter(result.best[0].objectives.values())))
+    assert found.nominal_of_nominal < found.robust_of_nominal
+    assert found.nominal.values == optimized("search.budget=18").best[0].values
+    assert found.robust_of_robust <= found.robust_of_nominal
+    assert result.simulations == 18 * 5
+    alone = optimized(ROBUST.replace("{samples", "{compare: false, samples"), "search.budget=18")
+    assert alone.robustness is None
+    assert alone.simulations == 18 * 5
+
+
+def test_a_robust_search_begins_at_the_nominal_design(optimized):
     changes = (ROBUST, "search.budget=18", "optimizer=cmaes")
-    nominal = api.optimize(opened(*changes, "search.robust=null"), workers=1).best[0]
-    result = api.optimize(opened(*changes), workers=1)
+    nominal = optimized(*changes, "search.robust=null").best[0]
+    result = optimized(*changes)
     assert first_of(result) == dict(nominal.values)
     near = np.abs(np.diff(np.sort(result.history.values["task.pressure"][:6]))).max()
     assert near < 0.5 * 12e3  # of the range: it looks about that design first
     assert result.simulations == 18 * 5  # it is one of the eighteen
-    anywhere = api.optimize(opened(*changes, "search.start=anywhere"), workers=1)
-    assert first_of(anywhere) != dict(nominal.values)
+    assert first_of(optimized(*changes, "search.start=anywhere")) != dict(nominal.values)
 
 
-def test_the_nominal_design_takes_part_where_the_optimizer_begins_elsewhere(opened):
-    result = api.optimize(opened(ROBUST, "search.budget=40"), workers=1)
+def test_the_nominal_design_takes_part_where_the_optimizer_begins_elsewhere(optimized):
+    result = optimized(ROBUST, "search.budget=40")
     assert first_of(result) != dict(result.robustness.nominal.values)
     assert result.simulations == (40 + 1) * 5
     assert result.robustness.robust_of_robust <= result.robustness.robust_of_nominal
 
 
-def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(opened):
-    made = opened(ROBUST, "search.budget=1", "optimizer=cmaes")  # tries the nominal design and nothing else
-    result = api.optimize(made, workers=1)
+def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(optimized):
+    # It tries the nominal design and nothing else.
+    result = optimized(ROBUST, "search.budget=1", "optimizer=cmaes")
     assert result.nominal_is_robust
     (said,) = [line for line in lines(result, "quasistatic") if line.startswith("robust ")]
     assert said.endswith("the best nominal design, nothing more robust was found")
-    assert "best nominal design is the most robust one" in price(SearchView(result, {}))
-    assert robust_section(SearchView(result, {})).tables == ()
 
 
-def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened):
-    changes = (ROBUST, "search.until=abs(tip_x - 10 mm) < 0.5 mm", "search.verify=null")
-    once = api.optimize(opened(*changes, "search.budget=30"), workers=1)
-    more = opened(*changes, "search.budget=40")
-    journals = more.bench.store.root / JOURNALS
+def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened, optimized):
+    changes = (ROBUST, "search.until=abs(tip_x - 10 mm) < 0.5 mm", UNCHECKED)
+    once = optimized(*changes, "search.budget=30")
+    journals = opened(*changes).bench.store.root / JOURNALS
     before = set(journals.iterdir())
     assert len(before) == 2  # of the nominal search and of the robust one
-    again = api.optimize(more, workers=1)
+    again = optimized(*changes, "search.budget=40")
     assert set(journals.iterdir()) == before
     assert again.best[0].values == once.best[0].values
 
@@ -307,29 +267,14 @@ def test_the_optimizers_files_are_kept(opened):
 def test_what_a_search_depends_on(opened, change, again):
     keys = []
     for changes in ((), (change,)):
-        study = opened("search.budget=12", "search.verify=null", *changes)
+        study = opened("search.budget=12", UNCHECKED, *changes)
         keys.append(search_study(study.bench, study.study, workers=1).key)
     assert (keys[0] != keys[1]) == again
 
 
-def test_the_code_of_kinds_that_are_searched_counts(opened):
-    engine = "search.variables.engine={key: physics.kind, choices: [quasistatic, mujoco]}"
-    hang = "search.conditions={hang: {task.kind: helical_hang}}"
-    study = opened(engine, hang, change=(OWN, OWN.partition("\n")[2]))
-    kinds = {c.kind for c in components_of(study.bench, study.study)}
-    assert {"quasistatic", "mujoco", "free_bending", "helical_hang"} <= kinds
-
-
 def test_checks_of_several_conditions_become_one():
-    one = Verification(
-        {"a": {"m": 1.0}},
-        {"a": {"m": 2.0}, "b": {"m": 9.0}},
-        {"a": {"x": {"m": 2.0}}},
-        (),
-        1.0,
-        2.0,
-        ("all", "n"),
-    )
+    answers = {"a": {"m": 2.0}, "b": {"m": 9.0}}
+    one = Verification({"a": {"m": 1.0}}, answers, {"a": {"x": {"m": 2.0}}}, (), 1.0, 2.0, ("all", "n"))
     two = replace(
         one, verified={"a": {"m": 4.0}}, conditions={"a": {"y": {"m": 4.0}}}, notes=("all", "failed")
     )

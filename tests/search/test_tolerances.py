@@ -2,7 +2,7 @@
 
 import pytest
 from tests.search import evaluation_bench as bench
-from tests.search.test_evaluation import Noted
+from tests.search.toy_search import Watched
 
 from pliant.errors import UserError
 from pliant.search.evaluate.evaluator import evaluator_of_study
@@ -73,10 +73,10 @@ def test_what_cannot_be_varied_is_said_before_the_nominal_search(tmp_path, vary,
 
 def test_a_search_notes_it_once(tmp_path):
     pytest.importorskip("cma")
-    notes = []
+    watched = Watched()
     more = "robust: {samples: 2, laws: false, vary: {family.radius: 0.1 mm}}\nbudget: 1\nverify: null"
     one, _ = bench.springs(tmp_path, SEARCH.format(low="4 mm", high="5 mm", more=more))
-    object.__setattr__(one.bench, "progress", Noted(notes))
+    object.__setattr__(one.bench, "progress", watched)
     search_study(one.bench, one.study, workers=1)
-    assert [note for note in notes if "tolerance" in note] == [notes[0]]
-    assert "keep it within 4.1 mm to 5 mm" in notes[0]
+    assert [note for note in watched.notes if "tolerance" in note] == [watched.notes[0]]
+    assert "keep it within 4.1 mm to 5 mm" in watched.notes[0]

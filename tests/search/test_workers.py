@@ -6,37 +6,21 @@ import pytest
 from tests.search.toy_search import ToyEvaluator, searched, setup_of, told
 
 from pliant.errors import NotReachedError, UserError
-from pliant.execution.jobs import KILLED
+from pliant.execution.jobs import KILLED, Failure, Finished
 from pliant.interfaces.optimizer import Trial
 from pliant.pipeline import remote
 from pliant.pipeline.remote import RemoteStudy
 from pliant.search import workers
 from pliant.search.run.journal import Generation
 from pliant.search.stage_keys import MODULES
-from pliant.search.workers import Setup, work
+from pliant.search.workers import Setup, told_of, work
 
 VALUES = {"a": 0.5, "b": 0.0, "n": 2}
 
 
-def test_processes_find_what_one_process_finds(tmp_path):
-    two = searched(tmp_path / "two", workers=2, budget=30, branches=({"s": 0}, {"s": 1}, {"s": 2}))
-    one = searched(tmp_path / "one", workers=1, budget=30, branches=({"s": 0}, {"s": 1}, {"s": 2}))
-    assert told(two) == told(one)
-
-
-def test_who_kills_workers_fails_and_the_others_are_evaluated(tmp_path):
-    killed = tmp_path / "killed"
-    (alone,) = searched(tmp_path / "alone", budget=6)
-    *_, second, largest = sorted(row.values["a"] for row in alone.trials)
-    deadly = (second + largest) / 2  # one of the first batch: every death costs two new processes
-    (branch,) = searched(tmp_path / "a", workers=2, budget=6, deadly=deadly, killed=str(killed))
-    dead = [row for row in branch.trials if row.values["a"] > deadly]
-    assert [row.values["a"] for row in dead] == [largest]
-    assert all((row.state, row.cause) == ("failed", KILLED) for row in dead)
-    assert all(row.state == "ok" for row in branch.trials if row not in dead)
-    assert branch.evaluated == 6
-    times = killed.read_text().splitlines()
-    assert all(2 <= times.count(repr(row.values["a"])) <= 3 for row in dead)
+def test_a_candidate_that_kills_its_worker_has_failed():
+    lost = Finished(0, Trial(3, VALUES), failure=Failure(KILLED))
+    assert told_of(lost) == Trial(3, VALUES, state="failed", cause=KILLED)
 
 
 def test_an_executor_that_breaks_is_said_and_what_was_told_is_kept(tmp_path):
@@ -69,19 +53,7 @@ def test_a_worker_elsewhere_says_what_it_lacks(study, words, monkeypatch):
 
 
 def test_an_outcome_survives_its_journal():
-    row = Trial(
-        3,
-        {"a": 0.1 + 0.2, "n": 2, "k": "x"},
-        1,
-        "ok",
-        (1 / 3, 2.0),
-        0.25,
-        "why",
-        {"m": 1e-300},
-        {"c": {"m": 2.0}},
-        (1.0,),
-        7,
-        0.5,
-    )
+    own = ("ok", (1 / 3, 2.0), 0.25, "why", {"m": 1e-300}, {"c": {"m": 2.0}}, (1.0,), 7, 0.5)
+    row = Trial(3, {"a": 0.1 + 0.2, "n": 2, "k": "x"}, 1, *own)
     generation = Generation(4, 6, (row,), 2.5)
     assert Generation.of_line(generation.line().encode()) == generation

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
@@ -12,7 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import create_model
 
+from pliant.config.search import SearchConfig
 from pliant.execution.executors import executor_for
 from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import (
@@ -144,30 +147,6 @@ class Narrowing(Optimizer):
         return [folder / "best.txt"]
 
 
-class NarrowingConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["narrowing"] = "narrowing"
-
-
-class ContextualConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["contextual"] = "contextual"
-
-
-class FrontConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["front"] = "front"
-
-
-class KnowingConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["knowing"] = "knowing"
-
-
 class Contextual(Narrowing):
     """Tries candidates in turn in each condition, and recommends the best that it knows for all."""
 
@@ -189,6 +168,54 @@ class Knowing(Narrowing):
 
     def recommend(self) -> Sequence[Trial]:
         return [Trial(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
+
+
+def config_of(kind: str) -> type[OptimizerConfig]:
+    """A config without settings."""
+    return create_model(f"{kind.title()}Config", __base__=OptimizerConfig, kind=(Literal[kind], kind))
+
+
+NarrowingConfig, ContextualConfig, FrontConfig, KnowingConfig = map(
+    config_of, ("narrowing", "contextual", "front", "knowing")
+)
+
+
+class StopError(Exception):
+    """Stands for whatever ends a process."""
+
+
+class Watched(Silent):
+    """Progress that keeps what it is told, and ends the search after so many steps."""
+
+    def __init__(
+        self, after: float = math.inf, error: type[BaseException] = StopError, title: str = ""
+    ) -> None:
+        self.left, self.error, self.title = after, error, title
+        self.notes: list[str] = []
+        self.texts: list[str] = []
+        self.done = self.total = 0
+        self.counts = True
+
+    def begin(self, title: str, total: int, done: int = 0) -> Watched:
+        self.counts = self.title in title
+        self.done, self.total = (done, total) if self.counts else (self.done, self.total)
+        return self
+
+    def advance(self, steps: int = 1) -> None:
+        if self.counts:
+            self.done += steps
+            self.left -= steps
+            if self.left < 0:
+                raise self.error
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def describe(self, text: str) -> None:
+        self.texts.append(text)
+
+    def expect(self, total: int) -> None:
+        self.total = total
 
 
 def evaluator_of(setup: Setup) -> ToyEvaluator:
@@ -219,10 +246,9 @@ def searched(
     """Run searches; the branches as they ended."""
     folder.mkdir(exist_ok=True)
     rules, axes = problem or ToyProblem(), space or Space(PLANE)
-    made = [
-        Branch(k, values, make, rules, axes, Journal(folder, f"branch-{k}"), seed, budget, generations)
-        for k, values in enumerate(branches)
-    ]
+    rules.config = SearchConfig.model_construct(seed=seed, budget=budget, generations=generations)
+    rules.branches = lambda: branches
+    made = [Branch(k, rules, make, axes, Journal(folder, f"branch-{k}")) for k in range(len(branches))]
     with (
         executor_for(executor or workers) as running,
         queue_of(running, setup_of(**settings), ToyEvaluator(**settings)) as queue,

@@ -65,16 +65,7 @@ def test_a_second_make_computes_nothing_and_reads_the_same_bits(tmp_path):
 )
 def test_every_ingredient_changes_the_key(change):
     assert recipe(**change).key != recipe().key
-
-
-def test_the_order_of_keys_does_not_matter():
     assert recipe(config={"a": 1, "b": 2}).key == recipe(config={"b": 2, "a": 1}).key
-
-
-def test_the_manifest_tells_where_it_came_from(tmp_path):
-    manifest = ArtifactStore(tmp_path).make(recipe(), lambda partial: 1).manifest
-    for key in ("pliant", "config", "inputs", "code", "wall_s", "created", "python", "platform", "files"):
-        assert key in manifest
 
 
 @pytest.mark.parametrize("file", ["value.json", "arrays.npz", "manifest.json"])
@@ -146,12 +137,6 @@ def test_a_store_that_cannot_be_written_says_so(tmp_path):
         ArtifactStore(tmp_path / "file").make(recipe(), lambda partial: 1)
 
 
-@pytest.mark.parametrize("thing", [object(), lambda: 0, np.array([object()]), {1, 2}])
-def test_only_plain_records_are_stored(thing):
-    with pytest.raises(TypeError):
-        encode(thing, {})
-
-
 def test_a_file_cannot_name_other_classes():
     with pytest.raises(ValueError, match="unknown record"):
         decode({"__record__": "Popen", "fields": {"args": "true"}}, {})
@@ -187,20 +172,6 @@ def test_every_entry_of_the_manifest_is_covered_by_its_digest(tmp_path):
             load_artifact(made.folder)
     path.write_text(json.dumps(sound))
     assert load_artifact(made.folder).cached
-
-
-def test_an_artifact_under_another_key_is_not_taken_for_it(tmp_path):
-    store, notes = ArtifactStore(tmp_path), []
-    other = store.make(recipe(code="other"), lambda partial: 1)
-    shutil.copytree(other.folder, other.folder.with_name(recipe().key))
-    assert store.make(recipe(), lambda partial: 2, notes.append).value == 2
-    assert "corrupted" in notes[0]
-
-
-def test_a_file_in_the_place_of_an_artifact_is_set_aside(tmp_path):
-    (tmp_path / "fem").mkdir()
-    (tmp_path / "fem" / recipe().key).write_text("junk")
-    assert ArtifactStore(tmp_path).make(recipe(), lambda partial: 2).value == 2
 
 
 @pytest.fixture
@@ -239,11 +210,6 @@ def test_a_missing_permission_is_no_corruption(tmp_path):
         store.make(recipe(), lambda partial: 1)
     (made.folder / "value.json").chmod(0o644)
     assert store.make(recipe(), lambda partial: 1).cached
-
-
-def test_others_may_read_an_artifact_as_the_umask_says(tmp_path):
-    folder = ArtifactStore(tmp_path).make(recipe(), lambda partial: 1).folder
-    assert folder.stat().st_mode == folder.parent.stat().st_mode
 
 
 def test_what_killed_processes_left_is_cleared(tmp_path):
@@ -292,9 +258,32 @@ def test_a_mapping_may_use_the_words_of_the_codec(name):
     assert decode(json.loads(json.dumps(encode(thing, {}))), {}) == thing
 
 
-@pytest.mark.parametrize(
-    "thing", [1j, np.complex128(1j), np.longdouble(1), np.datetime64("2020-01-01"), Path("x")]
-)
-def test_numbers_that_json_lacks_are_refused_before_anything_is_written(thing):
-    with pytest.raises(TypeError, match="cannot be stored"):
+THINGS = [
+    object(),
+    lambda: 0,
+    np.array([object()]),
+    {1, 2},
+    1j,
+    np.complex128(1j),
+    np.longdouble(1),
+    Path("x"),
+]
+
+
+@pytest.mark.parametrize("thing", [*THINGS, np.datetime64("2020-01-01")])
+def test_only_plain_records_and_numbers_that_json_has_are_stored(thing):
+    with pytest.raises(TypeError):
         encode(thing, {})
+
+
+def test_what_lies_in_the_place_of_an_artifact_is_not_taken_for_it(tmp_path):
+    store, notes = ArtifactStore(tmp_path), []
+    other = store.make(recipe(code="other"), lambda partial: 1)
+    assert (
+        other.folder.stat().st_mode == other.folder.parent.stat().st_mode
+    )  # others may read as the umask says
+    shutil.copytree(other.folder, other.folder.with_name(recipe().key))
+    assert store.make(recipe(), lambda partial: 2, notes.append).value == 2
+    assert "corrupted" in notes[0]
+    (tmp_path / "fem" / recipe(code="file").key).write_text("junk")
+    assert store.make(recipe(code="file"), lambda partial: 3).value == 3

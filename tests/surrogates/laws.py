@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.records.design import Design
+from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, Effort, JointLaw
 from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.neural.law import NeuralLaw
@@ -92,6 +94,27 @@ def network_law(k: int, units: int = 12, seed: int = 1) -> NeuralLaw:
     )
     domain = Domain(np.array([0.0, PRESSURE_PA]), np.tile([-0.2, 0.4], (k, 1)))
     return NeuralLaw(network, domain, AXES[k], "revolute" if k == 1 else "spherical")
+
+
+def states(
+    p: Any,
+    u: Any,
+    moment: Any,
+    by_p: Any = None,
+    by_u: Any = None,
+    *,
+    check: Any = None,
+    axis: str = "y",
+    **more: Any,
+) -> FemDataset:
+    """Constrained states of one axis; slopes and energies not given are unknown; `check` marks scored ones."""
+    p, u, moment = (np.asarray(values, float) for values in (p, u, moment))
+    n = len(p)
+    nan = np.full(n, np.nan)
+    role = np.full(n, "fit") if check is None else np.where(check, "check", "fit")
+    slopes = (nan if by_p is None else by_p, nan if by_u is None else by_u, more.pop("energy_j", nan))
+    text = (np.full(n, "constrained"), np.full(n, "ok"), role)
+    return FemDataset(Design("test", {}), axis, "pressure_pa", p, u, moment, *slopes, *text, **more)
 
 
 def stated(coefficients: dict[str, float], **more: Any) -> dict[str, Any]:

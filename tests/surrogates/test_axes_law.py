@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from tests.surrogates.laws import MAIN, SIDE, TWIST, WAVY, points, spatial, stated, surrogate, with_a_box
 
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
 from pliant.testing.samples import softening_law, table_of
-from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
@@ -134,23 +130,3 @@ def test_unequal_inputs_and_separate_pressures_are_refused() -> None:
         UserError, match="no pressure_pa in common: x -inf to inf, y 0 to 1000, z 2000 to 3000"
     ):
         AxesLaw((x, low, shifted))
-
-
-@pytest.mark.parametrize(
-    ("config", "says"),
-    [
-        ({"axes": {"y": stated(MAIN)}}, "axes.x"),
-        ({"axes": {"x": {}, "y": {}, "z": {}, "w": {}}}, "axes.w"),
-        ({"axes": {"x": {}, "y": {}, "z": {}}, "data": "y.csv"}, "'data' stands beside 'axes'"),
-        ({"axes": {"x": {"coefficients": TWIST}, "y": {}, "z": {}}}, "add 'form: study'"),
-        ({"joint": "prismatic"}, "stated by coefficients"),
-        ({"joint": "prismatic", **stated(MAIN, domain={"deformation": [0, 1]})}, "domain.extension"),
-        (stated(MAIN, domain={"extension": ["0 mm", "5 mm"]}), "joint: prismatic"),
-        (stated(MAIN, domain={"deformation": ["0 mm", "5 mm"]}), "5 mm"),
-    ],
-)
-def test_wrong_studies_say_what_is_wrong(config: dict[str, Any], says: str) -> None:
-    with pytest.raises(ValidationError) as caught:
-        PolynomialConfig.model_validate(config)
-    text = " ".join(f"{'.'.join(map(str, e['loc']))} {e['msg']}" for e in caught.value.errors())
-    assert says in text

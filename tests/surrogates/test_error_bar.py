@@ -7,8 +7,8 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import states
 
-from pliant.records.design import Design
 from pliant.records.error_bar import BarsOfAxes, ErrorBar
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig
@@ -135,11 +135,9 @@ def test_bars_of_axes_stand_side_by_side() -> None:
 def bench(seed: int, n: int = 60, noise: float = 2e-4) -> FemDataset:
     """Scattered states of a quadratic law with noise; the last 20 are to be scored."""
     rng = np.random.default_rng(seed)
-    (p, u), nan = (c.ravel() for c in places(n + 20, seed)), np.full(n + 20, np.nan)
+    p, u = (c.ravel() for c in places(n + 20, seed))
     moment = 1.6e-6 * p * (1 - u) - 0.03 * u - 0.05 * u**2 + noise * rng.standard_normal(n + 20)
-    role = np.where(np.arange(n + 20) < n, "fit", "check")
-    text = [np.full(n + 20, word) for word in ("constrained", "ok")]
-    return FemDataset(Design("t", {}), "y", "pressure_pa", p, u, moment, nan, nan, nan, *text, role)
+    return states(p, u, moment, check=np.arange(n + 20) >= n)
 
 
 @pytest.mark.parametrize("form", ["adaptive", "study"])

@@ -20,8 +20,9 @@ from tests.surrogates.laws import (
     with_a_box,
 )
 
+from pliant.errors import UserError
 from pliant.records.error_bar import ErrorBar
-from pliant.records.law import JointLaw
+from pliant.records.law import JointLaw, LawRecord
 from pliant.store.codec import decode, encode
 from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.physics.compiled.laws import law_address
@@ -147,6 +148,12 @@ def test_a_record_gives_the_same_bits_through_json(law: JointLaw) -> None:
     np.testing.assert_array_equal(again.band(p, u), law.band(p, u))  # type: ignore[arg-type]
     assert (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name)
     np.testing.assert_array_equal(again.domain.deformation, law.domain.deformation)
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+def test_a_record_of_another_kind_is_refused(kind: str) -> None:
+    with pytest.raises(UserError, match="cannot read a law of kind 'another'"):
+        LOADERS[kind].load(LawRecord("another", {}, {}))
 
 
 def test_laws_of_one_form_share_their_function() -> None:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import states
 
 from pliant.errors import UserError
-from pliant.records.design import Array, Design
+from pliant.records.design import Array
 from pliant.records.fem import PASSED, SELF_CONTACT, FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
@@ -17,20 +18,9 @@ from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 def data(axis: str, p: Array, u: Array, stiffness: float = 1.0, gain: float = 0.0) -> FemDataset:
     """τ = g p − s (1 + 0.3 p) u with its slopes; the last state is left out of the fit."""
     tau = gain * p - stiffness * (1 + 0.3 * p) * u
-    return FemDataset(
-        design=Design("tube", {}),
-        axis=axis,
-        actuation_name="pressure_pa",
-        actuation=p,
-        angle_rad=u,
-        moment_n_m=tau,
-        dmoment_dp=gain - 0.3 * stiffness * u,
-        dmoment_du=-stiffness * (1 + 0.3 * p),
-        energy_j=np.zeros(len(p)),
-        branch=np.full(len(p), "constrained"),
-        status=np.full(len(p), "ok"),
-        role=np.where(np.arange(len(p)) == len(p) - 1, "check", "fit"),
-    )
+    check = np.arange(len(p)) == len(p) - 1
+    slopes = (gain - 0.3 * stiffness * u, -stiffness * (1 + 0.3 * p))
+    return states(p, u, tau, *slopes, check=check, axis=axis, energy_j=np.zeros(len(p)))
 
 
 CROSS = np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.0, 1.0, 0.5, 0.5, 0.9])

@@ -49,11 +49,6 @@ def test_stable_on_the_border_means_stable_everywhere_outside(p: float, u: float
     assert slope <= 0.45 * border
 
 
-def test_leaving_the_box_is_flagged_by_the_domain() -> None:
-    excess = WAVY.domain.excess(np.array([16e3, 5e3]), np.array([[0.1], [-0.3]]))
-    np.testing.assert_allclose(excess, [[1e3, 0.0], [0.0, -0.1]], atol=1e-12)
-
-
 def test_worked_number_of_the_contracts() -> None:
     law = study_law(WORKED, True, Domain.unbounded(1))
     assert abs(tau(law, np.array([15e3]), np.array([[0.359718]]))[0]) < 1e-7

@@ -6,28 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import BOX, states
 
 from pliant.pipeline.residuals import module_of
-from pliant.records.design import Design
 from pliant.records.fem import FemDataset
-from pliant.records.law import Domain
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System
 
 P = 15e3
-BOX = Domain(np.array([0.0, P]), np.array([[-0.2, 0.45]]))
 
 
 def table(p, u, potential, tau, slopes, travel, check: int = 0) -> FemDataset:
-    n = len(p)
-    role = np.where(np.arange(n) < n - check, "fit", "check")
-    text = (np.full(n, "constrained"), np.full(n, "ok"), role)
-    energy = potential + p * travel
-    return FemDataset(
-        Design("test", {}), "y", "pressure_pa", p, u, tau, *slopes, energy, *text, travel=travel
-    )
+    scored = np.arange(len(p)) >= len(p) - check
+    return states(p, u, tau, *slopes, check=scored, energy_j=potential + p * travel, travel=travel)
 
 
 def polynomial_module() -> FemDataset:

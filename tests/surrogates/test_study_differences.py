@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from tests.surrogates.laws import states as dataset
 
 from pliant.errors import UserError
-from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.study import fit_differences
@@ -27,11 +26,8 @@ def states(angles: int = 9, odd: bool = False, pressures: int = 4, from_zero: bo
     tau = k.k_n * p + (k.m_a * p + k.b_a) * u - elastic
     cube = u**2 * (np.abs(u) if odd else u)
     energy = k.m_e * cube / 6 + k.b_e * u**2 / 2 + 1e-12 * p**2
-    nan, n = np.full(len(p), np.nan), len(p)
-    role = np.where(np.random.default_rng(0).random(n) < 0.2, "check", "fit")
-    role[(u == u.min()) | (u == u.max())] = "fit"
-    text = [np.full(n, word) for word in ("constrained", "ok")]
-    return FemDataset(Design("t", {}), "y", "pressure_pa", p, u, tau, nan, nan, energy, *text, role)
+    check = (np.random.default_rng(0).random(len(p)) < 0.2) & (u > u.min()) & (u < u.max())
+    return dataset(p, u, tau, check=check, energy_j=energy)
 
 
 def test_fine_levels_give_the_coefficients_that_the_states_were_made_of() -> None:
@@ -96,18 +92,3 @@ def test_states_on_no_levels_get_a_sentence() -> None:
         fit_differences(spread)
     beside = Polynomial(PolynomialConfig()).fit(spread).report.details["study_finite_differences"]
     assert "least_squares" in beside["problem"]
-
-
-@pytest.mark.parametrize(
-    ("config", "sentence"),
-    [
-        ({"procedure": "finite_differences"}, "add 'form: study'"),
-        (
-            {"form": "study", "procedure": "finite_differences", "coefficients": TRUE.canonical()},
-            "procedure says how to fit one",
-        ),
-    ],
-)
-def test_contradictory_configs_are_refused(config: dict, sentence: str) -> None:
-    with pytest.raises(ValidationError, match=sentence):
-        PolynomialConfig(**config)

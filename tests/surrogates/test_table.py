@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import states
 
-from pliant.errors import UserError
 from pliant.tabular.fem_reading import read_table
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
@@ -31,20 +31,7 @@ def scattered(n: int, noise: float = 0.0, seed: int = 0):
     p = random.uniform(0, data.actuation.max(), n)
     u = random.uniform(data.angle_rad.min(), data.angle_rad.max(), n)
     tau = softening_law().evaluate(p, u[:, None]).tau[:, 0]
-    rows = data.rows(np.zeros(len(data), bool))
-    blank = np.full(n, np.nan)
-    return replace(
-        rows,
-        actuation=p,
-        angle_rad=u,
-        moment_n_m=tau + noise * np.ptp(tau) * random.normal(size=n),
-        dmoment_dp=blank,
-        dmoment_du=blank,
-        energy_j=blank,
-        branch=np.full(n, "constrained"),
-        status=np.full(n, "ok"),
-        role=np.full(n, "fit"),
-    )
+    return states(p, u, tau + noise * np.ptp(tau) * random.normal(size=n))
 
 
 def points(law: TableLaw, n: int = 400, reach: float = 0.0):
@@ -140,13 +127,3 @@ def test_three_tables_make_a_spherical_joint(tmp_path: Path) -> None:
     tau, by_p, by_u = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     scalar.function(float(p[0]), u[0], scalar.parameters, tau, by_p, by_u)
     np.testing.assert_allclose(tau, law.evaluate(p[:1], u[:1]).tau[0], rtol=1e-10)
-
-
-def test_too_few_and_contradicting_states_are_refused() -> None:
-    data = scattered(60)
-    with pytest.raises(UserError, match="a table law needs at least 6 states"):
-        table().fit(data.rows(np.arange(60) < 4))
-    doubled = replace(data, actuation=data.actuation.copy(), angle_rad=data.angle_rad.copy())
-    doubled.actuation[1], doubled.angle_rad[1] = doubled.actuation[0], doubled.angle_rad[0]
-    with pytest.raises(UserError, match="states 1 and 2 contradict each other"):
-        table().fit(replace(doubled, moment_n_m=np.where(np.arange(60) == 1, 1.0, doubled.moment_n_m)))

@@ -10,10 +10,9 @@ import pytest
 
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
-from pliant.records.scene import Scene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.metrics import MODES, TrialMetrics, reward
-from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.scene import Draw, grasp_scene
 from pliant_plugins.tasks.grasp.task import Grasp
 
 # z_max, z_end, normal, friction, efficiency, slip, creep
@@ -26,47 +25,30 @@ def config(**keys: Any) -> GraspConfig:
 
 
 @pytest.fixture
-def scene_of(finger: ChainModel) -> Callable[[GraspConfig], Scene]:
-    return lambda given: grasp_scene(finger, given, Grasp(given).target, Draw.none())
+def rewarded(finger: ChainModel) -> Callable[..., float]:
+    """The reward of a trial under a config of these keys."""
+
+    def inner(trial: TrialMetrics = HELD, **keys: Any) -> float:
+        given = config(**keys)
+        return reward(trial, grasp_scene(finger, given, Grasp(given).target, Draw.none()), given)
+
+    return inner
 
 
-def test_the_sum_by_hand(scene_of: Callable[[GraspConfig], Scene]) -> None:
-    given = config()
+def test_the_sum_by_hand_and_what_it_prefers(rewarded: Callable[..., float]) -> None:
     # 2 + 2 · 45/60 + 0.5 · 0.6 + 0.2 · 0.3 − 0.1 · 0.25 − 0.5 · 12/15 − 0.005 · 3 · 6
-    assert reward(HELD, scene_of(given), given) == pytest.approx(3.345)
-    # −1 − 0.1 − 0.4 − 0.09
-    assert reward(MISSED, scene_of(given), given) == pytest.approx(-1.59)
-
-
-def test_a_cylinder_is_held_by_few_modules(scene_of: Callable[[GraspConfig], Scene]) -> None:
-    given = config(object="cylinder")
-    # 0.2 · 0.7 in the place of 0.2 · 0.3
-    assert reward(HELD, scene_of(given), given) == pytest.approx(3.345 + 0.08)
-
-
-def test_heavy_objects_count_mildly_more(scene_of: Callable[[GraspConfig], Scene]) -> None:
-    light, heavy = config(), config(extra_weights=6)
-    ratio = reward(HELD, scene_of(heavy), heavy) / reward(HELD, scene_of(light), light)
-    assert ratio == pytest.approx(1.3)
-
-
-def test_a_lift_beyond_the_carriages_counts_as_one(scene_of: Callable[[GraspConfig], Scene]) -> None:
-    given = config()
-    scene = scene_of(given)
-    full, over = (reward(replace(HELD, z_max_m=z), scene, given) for z in (0.06, 0.09))
-    assert full == over > reward(HELD, scene, given)
-
-
-def test_more_fingers_and_more_pressure_cost(scene_of: Callable[[GraspConfig], Scene]) -> None:
-    plain, more, harder = config(), config(fingers=4), config(pressure="15 kPa")
-    first, second, third = (reward(HELD, scene_of(given), given) for given in (plain, more, harder))
-    assert first - second == pytest.approx(0.005 * 6)
-    assert first - third == pytest.approx(0.5 * 3 / 15)
-
-
-def test_modes_are_ranked() -> None:
-    scores = [replace(HELD, mode=mode).mode_score for mode in MODES]
-    assert scores == [-1.0, 0.5, 1.0, 2.0]
+    held = rewarded()
+    assert held == pytest.approx(3.345)
+    assert rewarded(MISSED) == pytest.approx(-1.59)  # −1 − 0.1 − 0.4 − 0.09
+    # a cylinder is held by few modules: 0.2 · 0.7 in the place of 0.2 · 0.3
+    assert rewarded(object="cylinder") == pytest.approx(3.345 + 0.08)
+    assert rewarded(extra_weights=6) / held == pytest.approx(1.3)
+    assert held - rewarded(fingers=4) == pytest.approx(0.005 * 6)
+    assert held - rewarded(pressure="15 kPa") == pytest.approx(0.5 * 3 / 15)
+    # a lift beyond the carriage's counts as one
+    full, over = (rewarded(replace(HELD, z_max_m=z)) for z in (0.06, 0.09))
+    assert full == over > held
+    assert [replace(HELD, mode=mode).mode_score for mode in MODES] == [-1.0, 0.5, 1.0, 2.0]
 
 
 def test_a_task_measures_it_as_the_mean_of_its_trials(

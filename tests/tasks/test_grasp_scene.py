@@ -16,7 +16,7 @@ from pliant.testing.stand_ins import StandInScene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import phases, play
 from pliant_plugins.tasks.grasp.metrics import Grip, TrialMetrics, mode_of, summary
-from pliant_plugins.tasks.grasp.placement import Draw
+from pliant_plugins.tasks.grasp.scene import Draw
 from pliant_plugins.tasks.grasp.task import Grasp
 
 Tasks = Callable[..., Grasp]

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
-from pliant.config.study import study_model
+from pliant.config.study import Study, study_model
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 
@@ -61,41 +61,30 @@ def test_a_study_becomes_a_page(study: Path, tmp_path: Path) -> None:
     assert (out / "pictures" / "stills.png").stat().st_size > 10_000
 
 
-def test_the_studys_noise_flows_into_the_task(study: Path) -> None:
-    study.write_text(STUDY + "noise: {friction: 5 %, pressure: 0.5 kPa}\n")
-    read = load_study(study, discover())
-    noise = read.noisy_task().noise  # type: ignore[attr-defined]
+def read(study: Path, more: str = "", *overrides: str) -> Study:
+    study.write_text(STUDY + more)
+    return load_study(study, discover(), overrides)
+
+
+def test_the_studys_noise_flows_into_the_task_and_reaches_a_worker(study: Path) -> None:
+    found = read(study, "noise: {friction: 5 %, pressure: 0.5 kPa}\n")
+    noise = found.noisy_task().noise  # type: ignore[attr-defined]
     assert (noise.friction, noise.pressure_pa, noise.placement) == (0.05, 500.0, 0.0)
-    assert read.unused() == []
+    assert found.unused() == []
+    raw = json.loads(json.dumps(found.canonical()))
+    assert study_model(raw, discover()).model_validate(raw).noisy_task() == found.noisy_task()
 
 
-def test_a_worker_reads_the_same_noise_from_the_studys_json(study: Path) -> None:
-    study.write_text(STUDY + "noise: {friction: 5 %, pressure: 0.5 kPa}\n")
-    read, registry = load_study(study, discover()), discover()
-    raw = json.loads(json.dumps(read.canonical()))
-    again = study_model(raw, registry).model_validate(raw)
-    assert again.noisy_task() == read.noisy_task()
-
-
-def test_noise_stands_in_one_place(study: Path) -> None:
-    study.write_text(STUDY + "  noise: {friction: 5 %}\nnoise: {friction: 5 %}\n")
+def test_noise_stands_in_one_place_and_is_for_tasks_with_trials(study: Path) -> None:
     with pytest.raises(UserError, match="give it once"):
-        load_study(study, discover()).noisy_task()
-
-
-def test_noise_for_a_task_without_trials_is_said(study: Path) -> None:
-    study.write_text(STUDY + "noise: {friction: 5 %}\n")
-    read = load_study(study, discover(), ["task={kind: free_bending, pressure: 15 kPa}"])
-    assert read.unused() == ["noise"]
+        read(study, "  noise: {friction: 5 %}\nnoise: {friction: 5 %}\n").noisy_task()
+    other = read(study, "noise: {friction: 5 %}\n", "task={kind: free_bending, pressure: 15 kPa}")
+    assert other.unused() == ["noise"]
+    with pytest.raises(UserError, match="did you mean 'friction'"):
+        read(study, "noise: {fricton: 5 %}\n")
 
 
 def test_a_part_is_found_beside_the_study(study: Path, tmp_path: Path) -> None:
     study.write_text(STUDY.replace("object: egg", "object: {mesh: part.stl, mass: 30 g}"))
     task = load_study(study, discover()).task
     assert task.object.mesh == tmp_path / "part.stl"  # type: ignore[union-attr]
-
-
-def test_wrong_noise_is_refused(study: Path) -> None:
-    study.write_text(STUDY + "noise: {fricton: 5 %}\n")
-    with pytest.raises(UserError, match="did you mean 'friction'"):
-        load_study(study, discover())

@@ -19,11 +19,11 @@ from pliant.pipeline.motion import at_times, chain_frames, chain_scene
 from pliant.records.motion import Motion
 from pliant.records.scene import SceneFrames
 from pliant.testing.samples import sample_chain, softening_law
-from pliant_plugins.viewing import gl, window
-from pliant_plugins.viewing.backend import MujocoViewer
+from pliant_plugins.viewing.backend import WINDOW, MujocoViewer
 from pliant_plugins.viewing.camera import VIEWS, camera
 from pliant_plugins.viewing.config import MujocoViewerConfig
 from pliant_plugins.viewing.drawing import Drawing
+from pliant_plugins.viewing.painter import context
 from pliant_plugins.viewing.skins import dressed, skin_of
 
 RADIUS_M = 5e-3
@@ -199,7 +199,7 @@ def test_no_opengl_is_told_with_what_to_install(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
     with pytest.raises(MissingDependencyError, match="libegl1 .* libosmesa6"):
-        gl.context(10, 10)
+        context(10, 10)
 
 
 def test_no_display_is_told(monkeypatch, viewer):
@@ -222,7 +222,7 @@ class Sliders(Handle):
 def test_sliders_become_controls_with_their_ranges():
     chain = rods(2)
     frames = chain_frames(np.zeros(1), bent(chain, 0.1)[None])
-    drawing = Drawing(chain_scene(chain), frames, window.WINDOW, Sliders().inputs)
+    drawing = Drawing(chain_scene(chain), frames, WINDOW, Sliders().inputs)
     names = [drawing.model.actuator(k).name for k in range(drawing.model.nu)]
     assert names == ["pressure_pa", "tendon_force_n"]
     np.testing.assert_array_equal(drawing.model.actuator_ctrlrange, [[0, 15e3], [0, 8]])

@@ -53,7 +53,7 @@ class Certainty:
 
     @property
     def sd(self) -> Array:
-        """(k,) in SI."""
+        """(k,) standard deviations of the constants, SI."""
         return np.asarray(np.sqrt(np.diag(self.covariance)), float)
 
     def sd_of(self, gradient: Array) -> float:

@@ -13,14 +13,7 @@ from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.fitting import changed
 from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
-from pliant.cli.options import (
-    Force,
-    Full,
-    Overrides,
-    StudyFile,
-    check_target,
-    verb,
-)
+from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
@@ -70,7 +63,6 @@ def calibrate(
 ) -> None:
     """Fits the material's constants to a tensile test or a free curve, with their uncertainty."""
     begun = time.perf_counter()
-    installed = here.registry
     loaded = here.study(study, overrides)
     if data is None:
         raise UserError("name the data: pliant calibrate STUDY.yaml --data CSV.")
@@ -84,7 +76,7 @@ def calibrate(
             here.say("No study was written.")
         here.exit_code = NOT_REACHED
     elif out is not None:
-        write_study(study, out, loaded, overrides or (), found, installed, full)
+        write_study(study, out, loaded, here.overrides, found, here.installed, full)
         here.result["out"] = str(out)
         here.say(f"study    {out}")
 

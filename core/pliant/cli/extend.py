@@ -8,14 +8,7 @@ from typing import Annotated
 import typer
 
 from pliant.cli.evidence import DataFile
-from pliant.cli.options import (
-    Force,
-    Full,
-    Overrides,
-    StudyFile,
-    check_target,
-    verb,
-)
+from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground, write_extended_study
@@ -51,7 +44,6 @@ def extend(
     full: Full = False,
 ) -> None:
     """Fits an effect, writes a new study that contains it, with its uncertainty; comments are kept."""
-    installed = here.registry
     loaded = here.study(study, overrides)
     kinds = _kinds(here, loaded, effect, refit)
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
@@ -68,7 +60,9 @@ def extend(
         here.exit_code = NOT_REACHED
         return
     note = origin(found, measurement)
-    write_extended_study(study, target, loaded, overrides or (), found, note, installed, data=data, full=full)
+    write_extended_study(
+        study, target, loaded, here.overrides, found, note, here.installed, data=data, full=full
+    )
     here.result["out"] = str(target)
     here.say(f"study    {target}")
 

@@ -9,14 +9,7 @@ import typer
 
 from pliant.cli.bars import fitting_bar
 from pliant.cli.evidence import Candidates, DataFile, Workers, report_folder
-from pliant.cli.options import (
-    Force,
-    Full,
-    Overrides,
-    StudyFile,
-    check_target,
-    verb,
-)
+from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
@@ -46,7 +39,6 @@ def improve(
     workers: Workers = 1,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
-    installed = here.registry
     loaded = here.study(study, overrides)
     for kind in effect or ():
         here.registry.get("effect", kind)
@@ -66,10 +58,10 @@ def improve(
             study,
             target,
             loaded,
-            overrides or (),
+            here.overrides,
             found.final,
             origin(found, cited(measurement)),
-            installed,
+            here.installed,
             notes_by_kind=notes,
             data=data,
             full=full,

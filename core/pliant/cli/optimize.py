@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
 from typing import Any
 
-from pliant.cli.options import (
-    Overrides,
-    Scheduler,
-    StudyFile,
-    Workers,
-    verb,
-    workers_or_scheduler,
-)
+from pliant.cli.options import Full, Overrides, Scheduler, StudyFile, Workers, verb, workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
@@ -51,9 +43,9 @@ def optimize(
     out: OutFolder = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    full: Full = False,
 ) -> None:
     """The study's search, then the check of the winner by direct FEM; goes on where it was interrupted."""
-    installed = here.registry
     loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
     loaded.need("search", "'pliant optimize'")
     chosen = workers_or_scheduler(workers, scheduler)
@@ -65,22 +57,13 @@ def optimize(
     made = search_study(bench, loaded, executor=chosen)
     here.result["study"], here.result["out"] = loaded.name, str(folder)
     here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-    _write_folder(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))
+    _write_folder(here, bench, made, loaded, folder, full)
     if not made.value.best:
         raise nothing_found(made.value)
 
 
-@dataclass(frozen=True)
-class _Source:
-    """The study's file, how it was read, and the plugins that were known before."""
-
-    path: Path
-    overrides: tuple[str, ...]
-    registry: Registry
-
-
 def _write_folder(
-    here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path, source: _Source
+    here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path, full: bool
 ) -> None:
     """Everything that the folder of a search holds, and the lines for people; an earlier search's files go."""
     result: SearchResult = made.value
@@ -93,22 +76,27 @@ def _write_folder(
     for old in (folder / BEST, *folder.glob("best-*.yaml")):
         old.unlink(missing_ok=True)
     if result.best:
-        _write_designs(source, folder, study, problem, result)
+        _write_designs(here, folder, study, problem, result, full)
         here.result["best_study"] = str(folder / BEST)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
-    _write_page(here, bench, folder, study, problem, result)
+    page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
+    here.result["report"] = str(page)
+    here.say(f"report   {page}")
     write_atomically(folder / RESULT, dumps(plain(here.result), indent=1, allow_nan=False))
 
 
 def _write_designs(
-    source: _Source, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
+    here: Session, folder: Path, study: Study, problem: SearchProblem, result: SearchResult, full: bool
 ) -> None:
     """best.yaml, and where there are conditions one study for each of them."""
     named = len(problem.conditions) > 1
     stems = [UNFIT.sub("_", condition.name) for condition in problem.conditions]
-    for design, condition in reversed(_each(problem, result)):
+    best, every = result.best, range(len(problem.conditions))
+    # Of a front its first.
+    each = [(d, d.context) for d in best] if best[0].context >= 0 else [(best[0], k) for k in every]
+    for design, condition in reversed(each):
         name = problem.conditions[condition].name
         winner = problem.apply(design.values, condition)
         keys = list(problem.changes(design.values, condition))
@@ -120,22 +108,7 @@ def _write_designs(
         targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(source.path, target, winner, keys, said, source.overrides, source.registry)
-
-
-def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesign, int]]:
-    """The designs with the conditions that they are written in; of a front its first."""
-    if result.best[0].context >= 0:
-        return [(design, design.context) for design in result.best]
-    return [(result.best[0], condition) for condition in range(len(problem.conditions))]
-
-
-def _write_page(
-    here: Session, bench: Workbench, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
-) -> None:
-    page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
-    here.result["report"] = str(page)
-    here.say(f"report   {page}")
+            write_best(here.path, target, winner, keys, said, here.overrides, here.installed, full)
 
 
 OF_A_FRONT = 4

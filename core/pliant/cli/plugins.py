@@ -90,7 +90,7 @@ def check(
     file: PluginFiles = None,
 ) -> None:
     """Run the conformance suite of an interface on a plugin."""
-    from pliant.testing.suite import run_checks
+    from pliant.testing import run_checks
 
     here.registry = with_files(here.registry, file or ())
     if interface not in INTERFACES:

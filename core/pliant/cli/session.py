@@ -25,7 +25,7 @@ from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
 from pliant.records.counts import Counts
 from pliant.records.measurement import Measurement
-from pliant.registry.discovery import Registry, discover
+from pliant.registry.discovery import discover
 from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
 from pliant.report.render import page, terminal
@@ -37,7 +37,10 @@ LONGEST_NAME = 80
 
 @dataclass
 class Session:
-    """The surroundings of one verb. `result` becomes the JSON, `say` prints for people."""
+    """The surroundings of one verb. `result` becomes the JSON, `say` prints for people.
+
+    `path` and `overrides` are of the study that was read, `installed` the plugins that were known before.
+    """
 
     command: str
     json_target: str | None = None
@@ -45,12 +48,14 @@ class Session:
     result: dict[str, Any] = field(default_factory=dict)
     exit_code: int = 0
     store: Path = Path()
+    path: Path = Path()
+    overrides: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         # With JSON on standard output, words for people go to standard error.
         self.out = Console(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
         self.err = Console(stderr=True, highlight=False)
-        self.registry: Registry = discover()
+        self.installed = self.registry = discover()
 
     def say(self, text: object = "", markup: bool = False) -> None:
         """Print for people, unless --quiet; `markup` reads rich's tags, so foreign text must be escaped."""
@@ -73,13 +78,12 @@ class Session:
 
         `uses` names keys that this verb alone reads.
         """
-        study = load_study(path, self.registry, overrides or (), self.progress.note)
+        self.path, self.overrides = path, tuple(overrides or ())
+        study = load_study(path, self.registry, self.overrides, self.progress.note)
         self.registry = with_files(self.registry, study.plugins)
-        unused = [key for key in study.unused() if key not in uses]
-        if unused:
+        if unused := [key for key in study.unused() if key not in uses]:
             self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}'.")
-        searched = [key for key in study.searched() if key not in uses]
-        if searched:
+        if searched := [key for key in study.searched() if key not in uses]:
             self.progress.note(
                 f"{', '.join(searched)}: for 'pliant optimize'; '{self.command}' takes the study as it is."
             )

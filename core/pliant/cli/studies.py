@@ -14,14 +14,7 @@ from typing import Annotated, Any, cast, get_args
 import typer
 
 from pliant import __version__
-from pliant.cli.options import (
-    Overrides,
-    Scheduler,
-    StudyFile,
-    Workers,
-    verb,
-    workers_or_scheduler,
-)
+from pliant.cli.options import Overrides, Scheduler, StudyFile, Workers, verb, workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError, closest

@@ -40,9 +40,7 @@ class RigidConfig(FrozenModel):
         "rod", description="a cylinder about the chain axis, or the shape of the study's module"
     )
     mass_kg: Mass | None = Field(
-        None,
-        ge=0,
-        description="by default none for a rod, and a module's mass per length for its section",
+        None, ge=0, description="by default none for a rod, and a module's mass per length for its section"
     )
     radius_m: Length | None = Field(
         None, gt=0, description="outer radius of a rod; without one it does not collide"
@@ -72,8 +70,7 @@ class SegmentConfig(FrozenModel):
     rigid: RigidConfig | None = Field(None, description="instead of `modules`: a rigid piece")
     rotation_rad: Angle = Field(0.0, description="about the chain axis, relative to the base")
     turn_rad: Angle | None = Field(
-        None,
-        description="about the chain axis, relative to the modules before it; instead of `rotation`",
+        None, description="about the chain axis, relative to the modules before it; instead of `rotation`"
     )
     actuation_share: Ratio = Field(
         1.0,

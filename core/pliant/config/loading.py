@@ -91,9 +91,10 @@ def load_study(
         study = model.model_validate(raw)
     except ValidationError as error:
         raise UserError(sentences(error, model, sources.where)) from None
-    for number, segment in enumerate(study.chain.segments if study.chain and study.family else ()):
+    for number, segment in enumerate(study.chain.segments if study.chain else ()):
         try:  # a segment's changes are keys of the study's family; their mistakes have their lines too
-            varied(study.family, segment.family)  # type: ignore[arg-type]
+            if study.family is not None and segment.family:
+                varied(study.family, segment.family)
         except ValidationError as error:
             at = ("chain", "segments", number, "family")
             raise UserError(sentences(error, type(study.family), sources.where, at)) from None  # type: ignore[arg-type]

@@ -16,10 +16,7 @@ class NoiseConfig(FrozenModel):
     friction: Ratio = Field(0.0, ge=0, lt=1, description="of the coefficient of friction, relative")
     pressure_pa: Pressure = Field(0.0, ge=0, description="of the pressure")
     placement: Ratio = Field(
-        0.0,
-        ge=0,
-        le=1,
-        description="of the object's place: radius of a disc, per radius of the object",
+        0.0, ge=0, le=1, description="of the object's place: radius of a disc, per radius of the object"
     )
 
 

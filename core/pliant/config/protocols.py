@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from itertools import pairwise
 
 from pydantic import Field, field_validator, model_validator
 
@@ -102,33 +102,26 @@ class ProtocolConfig(FrozenModel):
             names = ", ".join(strip_unit_suffix(name) for name in (*allowed, "minutes", "words"))
             raise ValueError(f"run '{self.run}' takes no '{strip_unit_suffix(key)}'; it takes {names}")
         if self.run == "custom":
-            self._check_custom()
+            if not self.name:
+                raise ValueError("a custom run needs a 'name'")
+            if len(self.times_s) < 2 or self.times_s[0] != 0.0:
+                raise ValueError("a custom run needs 'times' from 0 on, such as [0 s, 10 s, 20 s]")
+            if any(late <= early for early, late in pairwise(self.times_s)):
+                raise ValueError("'times' must increase")
+            if not self.inputs:
+                raise ValueError("a custom run needs 'inputs', such as {pressure_pa: [0, 5 kPa, 0]}")
+            for name, values in (*self.inputs.items(), ("moments", self.moments_n_m)):
+                if len(values) != len(self.times_s) and (values or name != "moments"):
+                    raise ValueError(
+                        f"'{name}' has {len(values)} value{'s' * (len(values) != 1)} for {len(self.times_s)} times"
+                    )
+            for level in (level for levels in self.inputs.values() for level in levels):
+                _check(level)
         if self.amplitudes and self.cycles is not None and len(self.amplitudes) != self.cycles:
             raise ValueError(
                 f"{len(self.amplitudes)} amplitudes for {self.cycles} cycles; give one of the two"
             )
         return self
-
-    def _check_custom(self) -> None:
-        if not self.name:
-            raise ValueError("a custom run needs a 'name'")
-        if len(self.times_s) < 2 or self.times_s[0] != 0.0:
-            raise ValueError("a custom run needs 'times' from 0 on, such as [0 s, 10 s, 20 s]")
-        if any(late <= early for early, late in zip(self.times_s, self.times_s[1:], strict=False)):
-            raise ValueError("'times' must increase")
-        if not self.inputs:
-            raise ValueError("a custom run needs 'inputs', such as {pressure_pa: [0, 5 kPa, 0]}")
-        rows: dict[str, tuple[Any, ...]] = {**self.inputs}
-        if self.moments_n_m:
-            rows["moments"] = self.moments_n_m
-        for name, values in rows.items():
-            if len(values) != len(self.times_s):
-                raise ValueError(
-                    f"'{name}' has {len(values)} value{'s' * (len(values) != 1)} for {len(self.times_s)} times"
-                )
-        for values in self.inputs.values():
-            for value in values:
-                _check(value)
 
 
 def _check(level: Level) -> None:
@@ -139,8 +132,7 @@ def _check(level: Level) -> None:
     for unit in DRIVES:
         try:
             parse_quantity(level, unit)
+            return
         except UnitError as error:
             problems.append(str(error))
-        else:
-            return
     raise ValueError(problems[0])

@@ -89,12 +89,12 @@ def _joined_keys(changes: Any, done: Callable[[Any], bool] = lambda value: True)
     return flat
 
 
-def _is_width(value: Any) -> bool:
-    return not isinstance(value, Mapping) or "sd" in value
+def _widths(raw: Any) -> Any:
+    return _joined_keys(raw, lambda value: not isinstance(value, Mapping) or "sd" in value)
 
 
 Changes = Annotated[dict[str, Any], BeforeValidator(_joined_keys)]
-Widths = Annotated[dict[str, Any], BeforeValidator(lambda raw: _joined_keys(raw, _is_width))]
+Widths = Annotated[dict[str, Any], BeforeValidator(_widths)]
 
 
 class RobustConfig(FrozenModel):
@@ -154,11 +154,6 @@ class VerifyConfig(FrozenModel):
     )
 
 
-def _is_variable(value: Any) -> bool:
-    fields = set(SearchVariableConfig.model_fields)
-    return not isinstance(value, Mapping) or not value or bool(fields & set(value))
-
-
 class SearchConfig(FrozenModel):
     """What `pliant optimize` searches."""
 
@@ -175,14 +170,10 @@ class SearchConfig(FrozenModel):
         200, ge=1, le=10_000_000, description="candidates that are simulated, of each search"
     )
     generations: Count | None = Field(
-        None,
-        ge=1,
-        le=1_000_000,
-        description="instead of a budget: batches of the optimizer's own size",
+        None, ge=1, le=1_000_000, description="instead of a budget: batches of the optimizer's own size"
     )
     halving: HalvingConfig | None = Field(
-        None,
-        description="of searches of `each` variables: the best go on with several times the budget",
+        None, description="of searches of `each` variables: the best go on with several times the budget"
     )
     until: str | None = Field(
         None,
@@ -191,8 +182,7 @@ class SearchConfig(FrozenModel):
     )
     seed: int = Field(0, ge=0, description="of the optimizer")
     start: Literal["study", "anywhere"] = Field(
-        "study",
-        description="whether the search begins at the study's own values, where they are in range",
+        "study", description="whether the search begins at the study's own values, where they are in range"
     )
     conditions: dict[str, Changes] = Field(
         default_factory=dict, description="name → keys of the study: every candidate is tried in all of them"
@@ -218,7 +208,12 @@ class SearchConfig(FrozenModel):
         """`variables: {family: {wall: {low: …}}}`, as overrides write it, is `variables: {family.wall: {low: …}}`."""
         if not isinstance(raw, Mapping) or not isinstance(raw.get("variables"), Mapping):
             return raw
-        return {**raw, "variables": _joined(raw["variables"], _is_variable)}
+        fields = set(SearchVariableConfig.model_fields)
+
+        def whole(value: Any) -> bool:
+            return not isinstance(value, Mapping) or not value or bool(fields & set(value))
+
+        return {**raw, "variables": _joined(raw["variables"], whole)}
 
     @field_validator("variables")
     @classmethod

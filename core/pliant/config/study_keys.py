@@ -153,7 +153,7 @@ class _Step:
     names: tuple[str | int, ...] = ()
 
     def into(self, part: str | int, above: str, start: str) -> _Step:
-        """One part further."""
+        """The step to one part of a dotted key: a field, an item of a list."""
         model = _model(self.value, self.annotation)
         if model is not None:
             return self._field(model, part, above, start)

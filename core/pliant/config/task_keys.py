@@ -32,7 +32,7 @@ class TaskKey:
 
     @property
     def dotted(self) -> str:
-        """``task.object.radius_m``."""
+        """The key as a study's dotted text, ``task.object.radius_m``."""
         return BLOCK + ".".join(self.path)
 
 
@@ -55,7 +55,7 @@ def find_key(task: type[TaskConfig], written: str, endings: Mapping[str, str]) -
             return None
         path.append(field)
         model = nested_model(model.model_fields[field].annotation)
-    return TaskKey(tuple(path), unit, _si(path[-1]))
+    return TaskKey(tuple(path), unit, si_unit(path[-1]))
 
 
 def need_key(task: type[TaskConfig], written: str, endings: Mapping[str, str], where: str) -> TaskKey:
@@ -116,7 +116,7 @@ def _field(model: type[FrozenModel], part: str, endings: Mapping[str, str]) -> t
     for cut in range(1, len(words)):
         ending = endings.get("_".join(words[cut:]), "")
         for name in model.model_fields if ending else ():
-            if _si(name) and written_name(model, name) == "_".join(words[:cut]):
+            if si_unit(name) and written_name(model, name) == "_".join(words[:cut]):
                 return name, ending
     return None, ""
 
@@ -127,7 +127,3 @@ def _keys(model: type[FrozenModel]) -> Iterator[str]:
         inner = nested_model(field.annotation)
         for below in _keys(inner) if inner is not None else ():
             yield f"{written_name(model, name)}.{below}"
-
-
-def _si(name: str) -> str:
-    return si_unit(name)

@@ -52,12 +52,12 @@ class FitParameter:
         return math.log(value / self._middle) / self._spread
 
     def slope(self, x: float) -> float:
-        """dv/dx."""
+        """dv/dx: the parameter's value by its scaled coordinate x."""
         return self._reach if self.declared.prior == "normal" else self.value(x) * self._spread
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Bounds in x."""
+        """The parameter's bounds as bounds of x."""
         low, high = self.declared.bounds
         if self.declared.prior == "log_normal":
             low = max(low, 1e-6 * self._middle)

@@ -111,7 +111,7 @@ class Uncertainty:
     correlation: Array
 
     def of(self, name: str) -> Estimate:
-        """By ``kind.parameter``."""
+        """The estimate of a parameter by its name ``kind.parameter``."""
         return next(one for one in self.estimates if one.name == name)
 
     def absent(self, kind: str) -> bool:

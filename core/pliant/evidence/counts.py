@@ -212,7 +212,7 @@ class CountComparison:
 
     @property
     def n_samples(self) -> int:
-        """Measured trials."""
+        """Trials measured in all conditions."""
         return sum(one.measured[1] for one in self.conditions)
 
     @property

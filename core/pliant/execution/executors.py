@@ -45,7 +45,7 @@ class Executor(ABC):
 
     @abstractmethod
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
-        """Begin a call."""
+        """Begin a call of a module's function with plain values; its future."""
 
     def restart(self) -> bool:
         """Replace the workers after one has died; False where that is not possible."""

@@ -159,7 +159,7 @@ class JobQueue(Generic[Item, Result]):
             self._fill()
             ended, _ = wait(self._running, timeout=timeout_s, return_when=FIRST_COMPLETED)
             lost, broken = [], False
-            for future in ended:
+            for future in [one for one in self._running if one in ended]:  # in the order of their jobs
                 job = self._running.pop(future)
                 try:
                     error = future.exception()

@@ -110,7 +110,7 @@ def _turned(name: str) -> Callable[[RunMaker, RunShape], PlannedRun]:
 
 
 def warm(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Another temperature."""
+    """Two medium cycles at another temperature."""
     usual = make.scale.temperature_c
     there = usual + WARMER_K if shape.temperature_c is None else shape.temperature_c
     words = f"at {there:g} °C, {there - usual:g} K warmer, two medium cycles"

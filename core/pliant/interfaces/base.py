@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from abc import ABC
+from typing import Any, Generic, TypeVar
 
 from pydantic import AliasGenerator, BaseModel, ConfigDict
 
@@ -33,3 +34,13 @@ class ComponentConfig(FrozenModel):
     """A study's block. `kind` names the plugin; a subclass narrows it: ``kind: Literal["mine"] = "mine"``."""
 
     kind: str
+
+
+ConfigT = TypeVar("ConfigT", bound=ComponentConfig)
+
+
+class Configured(ABC, Generic[ConfigT]):
+    """Base of all interfaces: an implementation is built from its config and keeps it."""
+
+    def __init__(self, config: ConfigT) -> None:
+        self.config = config

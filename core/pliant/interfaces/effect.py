@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.chain import ChainModel
 from pliant.records.history import History, held
 from pliant.records.term import LawTerm
@@ -82,13 +82,18 @@ def parameter(
     (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `EffectConfig.fit_parameters` raises
     `TypeError` for a declaration that cannot be.
     """
-    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description)  # type: ignore[assignment]
+    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description or None)  # type: ignore[assignment]
     field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior))
     return field
 
 
 class EffectConfig(ComponentConfig):
-    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted."""
+    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted.
+
+    The string below a field describes it.
+    """
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -188,7 +193,7 @@ class Model:
         return readings
 
 
-class Effect(ABC):
+class Effect(Configured[EffectConfig]):
     """One effect at one of four places: input, joint law, chain, output.
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
@@ -202,9 +207,6 @@ class Effect(ABC):
     notes: ClassVar[EffectNotes] = EffectNotes()
     exciting: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""
-
-    def __init__(self, config: EffectConfig) -> None:
-        self.config = config
 
     @abstractmethod
     def apply(self, model: Model) -> Model:

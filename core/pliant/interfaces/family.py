@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.meshing.surfaces import half_boxes, half_skins
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
@@ -35,7 +35,7 @@ class FamilyConfig(ComponentConfig):
         return self.model_dump(mode="json", exclude={"visual", "visual_scale"})
 
 
-class ActuatorFamily(ABC):
+class ActuatorFamily(Configured[FamilyConfig]):
     """One design of a family: geometry, validity, mesh, masses.
 
     Called by the pipeline: `__init__` when a study is read (it must be cheap and must raise
@@ -48,9 +48,6 @@ class ActuatorFamily(ABC):
     axes: ClassVar[tuple[str, ...]] = ("y",)
     main_axis: ClassVar[str] = "y"
     actuation: ClassVar[str] = "pressure_pa"  # or "tendon_force_n"
-
-    def __init__(self, config: FamilyConfig) -> None:
-        self.config = config
 
     @property
     def design(self) -> Design:

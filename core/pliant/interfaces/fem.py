@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from pliant.errors import NotReachedError, UserError
-from pliant.interfaces.base import ComponentConfig
-from pliant.interfaces.loading import loaded_state
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.interfaces.material import Material
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.design import Array
@@ -20,6 +20,9 @@ from pliant.units import Angle, Force, Pressure, Ratio
 
 # What a constrained state holds: u of the main axis, or u by axis.
 Held = float | Mapping[str, float]
+# Of the iteration for u under a prescribed effort: steps, and the last change of u as a share of the largest u met.
+MOST_STEPS = 12
+CLOSE = 1e-9
 
 
 class FemConfig(ComponentConfig):
@@ -189,11 +192,8 @@ class StructureSolver(ABC):
         """(n, 3) positions of the mesh's nodes."""
 
 
-class FEMBackend(ABC):
+class FEMBackend(Configured[FemConfig]):
     """A finite-element code. The FEM stage calls `solver` once per design."""
-
-    def __init__(self, config: FemConfig) -> None:
-        self.config = config
 
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
@@ -204,3 +204,40 @@ class FEMBackend(ABC):
         raise UserError(
             f"fem '{self.config.kind}' solves single modules only, no bodies of several; use fem.kind 'skfem'."
         )
+
+
+def loaded_state(
+    constrained: Callable[[float, Mapping[str, float], FemState], FemState],
+    actuation: float,
+    axis: str,
+    effort: float,
+    start: FemState,
+    axes: Sequence[str],
+) -> FemState | None:
+    """Newton's method on u of `axis`, all others free; None where it does not converge.
+
+    Whatever `constrained` raises passes through. A step after one that made the residual larger is halved.
+    """
+    k = list(axes).index(axis)
+    efforts = np.zeros(len(axes))
+    efforts[k] = effort
+    u = float(start.deformation[k] + _tangent(start, actuation, efforts)[k])
+    state, size, before = start, abs(u), np.inf
+    for _ in range(MOST_STEPS):
+        state = constrained(actuation, {axis: u}, state)
+        residual = effort - float(state.tau[k])
+        step = float(_tangent(state, actuation, efforts)[k])
+        size = max(size, abs(u), abs(step))
+        if abs(step) <= CLOSE * size:
+            return state
+        if abs(residual) > before:
+            step /= 2
+        before = abs(residual)
+        u += step
+    return None
+
+
+def _tangent(state: FemState, actuation: float, efforts: Array) -> Array:
+    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M."""
+    missing = efforts - state.tau - state.dtau_dp * (actuation - state.actuation)
+    return np.asarray(np.linalg.solve(state.dtau_du, missing))

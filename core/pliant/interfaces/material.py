@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 
 from pydantic import Field
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.mechanics.homogeneous import stability_remarks
 from pliant.records.design import Array
 from pliant.units import Density
@@ -34,11 +34,8 @@ class Hyperelastic:
     tangent: Array
 
 
-class Material(ABC):
+class Material(Configured[MaterialConfig]):
     """An isotropic hyperelastic solid. FEM backends call `evaluate` with all quadrature points at once."""
-
-    def __init__(self, config: MaterialConfig) -> None:
-        self.config = config
 
     @property
     def density_kg_m3(self) -> float:

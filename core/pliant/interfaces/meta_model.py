@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.design import Array
 from pliant.records.law import JointLaw, LawRecord
 from pliant.records.solved import Parameter, SolvedDesigns
@@ -86,11 +86,8 @@ class FittedMetaModel:
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
-class MetaModel(ABC):
+class MetaModel(Configured[MetaModelConfig]):
     """A way to make laws of unseen designs. Scores, error bars and tables are the pipeline's, alike for all kinds."""
-
-    def __init__(self, config: MetaModelConfig) -> None:
-        self.config = config
 
     @property
     def fewest(self) -> int:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal, Self
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 
 Value = float | int | str
 
@@ -170,7 +170,7 @@ class Trial:
         return replace(self, objectives=scores, violation=1.0 if rule else self.violation)
 
 
-class Optimizer(ABC):
+class Optimizer(Configured[OptimizerConfig]):
     """Ask and tell. The search asks for a batch, evaluates it in any order, tells the same trials with their results.
 
     Same seed, same space and same results give the same proposals. `state` and `restore` carry a search
@@ -179,9 +179,6 @@ class Optimizer(ABC):
 
     capabilities: ClassVar[OptimizerCapabilities] = OptimizerCapabilities()
 
-    def __init__(self, config: OptimizerConfig) -> None:
-        self.config = config
-
     @property
     def batch(self) -> int:
         """How many candidates a started search should be asked for at a time: a generation."""
@@ -189,7 +186,7 @@ class Optimizer(ABC):
 
     @abstractmethod
     def start(self, space: Space, seed: int) -> None:
-        """Begin a search."""
+        """Begin a search of this space; the same seed gives the same trials."""
 
     @abstractmethod
     def ask(self, count: int) -> Sequence[Trial]:

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
@@ -58,7 +58,22 @@ class SimulationState:
     memory: Array | None = None
 
 
-class Simulation(ABC):
+class EngineHandle:
+    """What frees an engine's resources when a `with` block ends."""
+
+    def close(self) -> None:
+        """Free the engine's resources."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Simulation(EngineHandle, ABC):
     """One chain in one engine. Tasks drive it: `apply`, then `settle` or `step`, then read `markers`.
 
     The pressure or load given to `apply` holds until the next `apply`. Everything outside is SI and in the
@@ -105,19 +120,8 @@ class Simulation(ABC):
         """
         raise ContractError(f"{type(self).__name__} has no gradients (Capabilities.gradients is False)")
 
-    def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
-        """Free the engine's resources."""
 
-    def __enter__(self) -> Simulation:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-class SceneSimulation(ABC):
+class SceneSimulation(EngineHandle, ABC):
     """A scene in one engine. Tasks drive it: `apply`, `carry`, `step`, then read markers, contacts and state.
 
     What is given to `apply`, `carry` and `push` holds until the next call of the same. SI and docs/conventions.md
@@ -179,17 +183,6 @@ class SceneSimulation(ABC):
             outside_domain=self.outside_domain(),
         )
 
-    def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
-        """Free the engine's resources."""
-
-    def __enter__(self) -> SceneSimulation:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -215,13 +208,10 @@ class Variation:
     histories: tuple[History, ...]
 
 
-class PhysicsBackend(ABC):
+class PhysicsBackend(Configured[PhysicsConfig]):
     """An engine. The simulate stage calls `build` once per chain; one backend may build many."""
 
     capabilities: ClassVar[Capabilities]
-
-    def __init__(self, config: PhysicsConfig) -> None:
-        self.config = config
 
     @abstractmethod
     def build(self, chain: ChainModel) -> Simulation:

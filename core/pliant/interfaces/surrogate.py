@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw, LawRecord
 
@@ -29,7 +29,7 @@ class FittedLaw:
     report: FitReport
 
 
-class Surrogate(ABC):
+class Surrogate(Configured[SurrogateConfig]):
     """A way to make a law. The fit stage calls `stated` first; if that is None, `fit` with a data set.
 
     A law of several axes has a table for each, then `tables` names them and `fit_axes` gets them, or is fitted by
@@ -40,9 +40,6 @@ class Surrogate(ABC):
     """
 
     couples: ClassVar[bool] = False
-
-    def __init__(self, config: SurrogateConfig) -> None:
-        self.config = config
 
     def stated(self) -> JointLaw | None:
         """The law that the config states by its coefficients, or None if the law must be fitted."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Literal
 
 from pydantic import Field
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.interfaces.physics import SceneSimulation, Simulation
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
@@ -26,11 +26,8 @@ class TaskConfig(ComponentConfig):
     )
 
 
-class Task(ABC):
+class Task(Configured[TaskConfig]):
     """The simulate stage calls `prepare`, has the engine build what it returns, then calls `run`."""
-
-    def __init__(self, config: TaskConfig) -> None:
-        self.config = config
 
     def prepare(self, chain: ChainModel) -> ChainModel:
         """The chain with the task's own gravity, payload or base; loads of the task win over the chain's."""
@@ -58,11 +55,8 @@ class Task(ABC):
         """Drive the simulation and measure it. Metrics are SI with the unit in the name."""
 
 
-class SceneTask(ABC):
+class SceneTask(Configured[TaskConfig]):
     """A task with contact. It builds scenes of the chain, one per trial, and drives each of them."""
-
-    def __init__(self, config: TaskConfig) -> None:
-        self.config = config
 
     def prepare(self, chain: ChainModel) -> ChainModel:
         """The chain with the task's own loads, before effects are applied."""

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.motion import Motion
 from pliant.records.scene import SceneFrames
 
@@ -34,11 +34,8 @@ class Handle(ABC):
         """Go on for `duration_s` under these inputs; one frame, the new pose."""
 
 
-class Viewer(ABC):
+class Viewer(Configured[ViewerConfig]):
     """Draws what any engine simulated; `pliant render` and `pliant view` call it."""
-
-    def __init__(self, config: ViewerConfig) -> None:
-        self.config = config
 
     @abstractmethod
     def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:

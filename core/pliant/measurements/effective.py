@@ -60,11 +60,8 @@ def effective_samples(residuals: Sequence[Mapping[str, Array]], measurement: Mea
     found = {}
     for name in measurement.outputs:
         series = [np.asarray(run[name], float) for run in residuals]
-        n = sum(int(np.isfinite(values).sum()) for values in series)
-        runs = sum(bool(np.isfinite(values).any()) for values in series)
-        if n == 0:
-            found[name] = 0.0
-            continue
+        there = [int(np.isfinite(values).sum()) for values in series]
+        n, runs = sum(there), sum(map(bool, there))
         scale = autocorrelation([clock_of(run) for run in measurement.runs], series).time_scale
         found[name] = float(np.clip(n / scale if scale > 0 else n, runs, n))
     return found
@@ -83,14 +80,18 @@ def autocorrelation(clocks: Sequence[Array], series: Sequence[Array]) -> Autocor
     n = sum(values.size for values in kept)
     mean = sum(float(values.sum()) for values in kept) / max(n, 1)
     square = sum(float(((values - mean) ** 2).sum()) for values in kept)
-    slot = _slot(clocks)
+    # the usual step between readings, not so fine that the longest run has too many
+    steps, slot = [np.diff(clock) for clock in clocks if clock.size > 1], 1.0
+    if steps:
+        longest = max(float(clock[-1] - clock[0]) for clock in clocks if clock.size)
+        slot = max(float(np.median(np.concatenate(steps))), longest / MOST_SLOTS)
     if n < 3 or square <= 0:
         return Autocorrelation(np.zeros(0), np.zeros(0), max(n, 1), 0.0, slot)
     sums = [
         _pooled(clock, values - mean, slot) for clock, values in zip(clocks, kept, strict=True) if values.size
     ]
     length = max(products.size for products, _ in sums)
-    products, pairs = np.zeros(length), np.zeros(length)
+    products, pairs = np.zeros((2, length))
     for product, count in sums:
         products[: product.size] += product
         pairs[: count.size] += count
@@ -104,15 +105,6 @@ def clock_of(run: MeasuredRun) -> Array:
     """(t,) seconds from the run's start; the samples' numbers where it has no clock."""
     time_s = run.history.time_s
     return np.arange(len(run), dtype=float) if time_s is None else time_s - time_s[0]
-
-
-def _slot(clocks: Sequence[Array]) -> float:
-    """The usual step between readings, not so fine that the longest run has too many."""
-    steps = [np.diff(clock) for clock in clocks if clock.size > 1]
-    if not steps:
-        return 1.0
-    longest = max(float(clock[-1] - clock[0]) for clock in clocks if clock.size)
-    return max(float(np.median(np.concatenate(steps))), longest / MOST_SLOTS)
 
 
 def _pooled(clock: Array, values: Array, slot: float) -> tuple[Array, Array]:

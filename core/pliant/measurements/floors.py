@@ -14,7 +14,7 @@ from pliant.measurements.effective import autocorrelation, clock_of
 from pliant.measurements.highpass import noise_variance
 from pliant.measurements.repeats import Aligned, RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Measurement
 
 Source = Literal["repeats", "stated sigma", "high-frequency residual", "unknown"]
 CLEARLY = 2.0  # standard errors by which repeats must scatter more than the stated sigma to take its place
@@ -133,14 +133,22 @@ _OPEN: dict[Source, str] = {
 def _floor(
     name: str, measurement: Measurement, readings: Sequence[Array], groups: Sequence[RepeatGroup]
 ) -> Floor:
-    repeats = [(group, aligned(*_of(group, measurement, readings))) for group in groups]
-    repeats = [(group, table) for group, table in repeats if min(table.values.shape) > 1]
-    fast = _fast(measurement, readings)
-    within, between = fast, None
+    repeats = []
+    for group in groups:
+        read = [i for i in group.runs if np.isfinite(readings[i]).any()]
+        chosen = read if len(read) > 1 else group.runs
+        table = aligned([measurement.runs[i] for i in chosen], [readings[i] for i in chosen])
+        if min(table.values.shape) > 1:
+            repeats.append((group, table))
+    within, between = _fast(measurement, readings), None
+    value, se = within.sd, within.se
+    source: Source = "high-frequency residual" if within.dof > 0 else "unknown"
     if repeats:
         within, between = _pooled([table for _, table in repeats])
+        value, source, se = between.sd, "repeats", between.se
     sigma = _stated(name, measurement)
-    value, source, se = _chosen(fast, between, sigma)
+    if sigma is not None and (between is None or between.sd - CLEARLY * between.se <= sigma):
+        value, source, se = sigma, "stated sigma", 0.0
     return Floor(
         output=name,
         unit=unit_of(name),
@@ -154,24 +162,6 @@ def _floor(
         n_runs=sum(len(group.runs) for group, _ in repeats),
         specimens_differ=any(group.specimens_differ for group, _ in repeats),
     )
-
-
-def _of(
-    group: RepeatGroup, measurement: Measurement, readings: Sequence[Array]
-) -> tuple[list[MeasuredRun], list[Array]]:
-    read = [i for i in group.runs if np.isfinite(readings[i]).any()]
-    read = read if len(read) > 1 else list(group.runs)
-    return [measurement.runs[i] for i in read], [readings[i] for i in read]
-
-
-def _chosen(fast: _Variance, between: _Variance | None, sigma: float | None) -> tuple[float, Source, float]:
-    if sigma is not None and (between is None or between.sd - CLEARLY * between.se <= sigma):
-        return sigma, "stated sigma", 0.0
-    if between is not None:
-        return between.sd, "repeats", between.se
-    if fast.dof > 0:
-        return fast.sd, "high-frequency residual", fast.se
-    return math.nan, "unknown", math.nan
 
 
 def _stated(name: str, measurement: Measurement) -> float | None:
@@ -208,12 +198,12 @@ def _pooled(tables: Sequence[Aligned]) -> tuple[_Variance, _Variance]:
         deviation = table.values - table.values.mean(axis=0)
         offset = deviation.mean(axis=1, keepdims=True)
         wander = deviation - offset
-        scale, square_scale = _colour(wander)
-        independent = max(n_times / scale, 2.0)
+        colour = autocorrelation([np.arange(n_times, dtype=float)] * n_runs, list(wander))
+        independent = max(n_times / max(colour.time_scale, 1.0), 2.0)
         share = n_times * (1.0 - 1.0 / independent)  # Σ of squares expects σ² times this, per free run
         squares += float((wander**2).sum()) + table.lost * (n_runs - 1) * share
         freedom += (n_runs - 1) * share
-        effective += (n_runs - 1) * max(n_times / square_scale - 1.0, 1.0)
+        effective += (n_runs - 1) * max(n_times / max(colour.square_scale, 1.0) - 1.0, 1.0)
         offsets += float((offset**2).sum())
         offset_freedom += n_runs - 1
     within = _Variance(squares / freedom, effective)
@@ -225,10 +215,3 @@ def _pooled(tables: Sequence[Aligned]) -> tuple[_Variance, _Variance]:
     total = mean_square + wander_square
     spread = mean_square**2 / offset_freedom + wander_square**2 / within.dof
     return within, _Variance(total, total**2 / spread if spread > 0 else offset_freedom)
-
-
-def _colour(wander: Array) -> tuple[float, float]:
-    """n / n_eff of the deviations, for their mean and for their variance."""
-    clock = np.arange(wander.shape[1], dtype=float)
-    found = autocorrelation([clock] * len(wander), list(wander))
-    return max(found.time_scale, 1.0), max(found.square_scale, 1.0)

@@ -157,7 +157,7 @@ def _c(theta: Array, theta_sq: Array) -> Array:
 
 
 def _slopes_over_angle(theta: Array, theta_sq: Array) -> tuple[Array, Array]:
-    """(db/dθ)/θ and (dc/dθ)/θ."""
+    """Derivatives of the coefficients b and c of the left Jacobian by the angle, over the angle."""
     # These cancel two orders earlier than b and c, so the series reaches further.
     small = theta < 3 * SMALL_ANGLE
     t = np.where(small, 1.0, theta)

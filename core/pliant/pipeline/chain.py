@@ -126,9 +126,16 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     Raises:
         UserError: laws of different joints, or actuators and laws that take different inputs.
     """
-    law_of = _laws(segments)
-    laws, places = list(law_of.values()), {key: place for place, key in enumerate(law_of)}
-    _one_kind(laws)
+    # A law that gets all of the actuation is left as it is.
+    pairs = [(s.piece.law, s.actuation_share) for s in segments if isinstance(s.piece, Module)]
+    places = {pair: place for place, pair in enumerate(dict.fromkeys(pairs))}
+    laws = [shared(law, share) for law, share in places]
+    kinds = sorted({f"{law.joint} ({', '.join(law.axes)})" for law in laws})
+    if len(kinds) > 1:
+        raise UserError(
+            f"one chain has one kind of joint with the same axes, and its segments have {' and '.join(kinds)}: give "
+            "them laws of one kind, where need be with a stiff axis."
+        )
     joints: list[Joint] = []
     bodies = [MassProperties.none()]
     shapes: list[tuple[Shape, ...]] = [()]
@@ -173,25 +180,6 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     )
 
 
-def _laws(segments: Sequence[Segment]) -> dict[tuple[JointLaw, float], JointLaw]:
-    """The chain's law of each law and share of the actuation; a law that gets all of it is left as it is."""
-    found: dict[tuple[JointLaw, float], JointLaw] = {}
-    for segment in segments:
-        if isinstance(segment.piece, Module):
-            law, share = segment.piece.law, segment.actuation_share
-            found.setdefault((law, share), shared(law, share))
-    return found
-
-
-def _one_kind(laws: Sequence[JointLaw]) -> None:
-    kinds = sorted({f"{law.joint} ({', '.join(law.axes)})" for law in laws})
-    if len(kinds) > 1:
-        raise UserError(
-            f"one chain has one kind of joint with the same axes, and its segments have {' and '.join(kinds)}: give "
-            "them laws of one kind, where need be with a stiff axis."
-        )
-
-
 def base_rotation(base: BaseConfig) -> Array:
     """Rotation of the base in the world, (3, 3); see docs/conventions.md for `direction` and `roll`."""
     if base.quaternion is not None:
@@ -199,19 +187,14 @@ def base_rotation(base: BaseConfig) -> Array:
         return matrix_of_quaternion(quaternion / np.linalg.norm(quaternion))
     rest = default_base_rotation()
     if base.direction is not None:
-        rest = _smallest_rotation(np.array(base.direction, float)) @ rest
+        # The smallest rotation that takes world −z to `direction`; a half turn about world y for +z.
+        target, down = np.array(base.direction, float), np.array([0.0, 0.0, -1.0])
+        target = target / np.linalg.norm(target)
+        axis = np.cross(down, target)
+        sine, cosine = float(np.linalg.norm(axis)), float(down @ target)
+        turn = axis / sine * np.arctan2(sine, cosine) if sine >= 1e-12 else np.array([0.0, np.pi, 0.0])
+        rest = rest if sine < 1e-12 and cosine > 0 else exp_map(turn) @ rest
     return rest @ exp_map(np.array([base.roll_rad or 0.0, 0.0, 0.0]))
-
-
-def _smallest_rotation(direction: Array) -> Array:
-    """The smallest rotation that takes world −z to `direction`; a half turn about world y for +z."""
-    target = direction / np.linalg.norm(direction)
-    down = np.array([0.0, 0.0, -1.0])
-    axis = np.cross(down, target)
-    sine, cosine = float(np.linalg.norm(axis)), float(down @ target)
-    if sine < 1e-12:
-        return np.eye(3) if cosine > 0 else exp_map(np.array([0.0, np.pi, 0.0]))
-    return exp_map(axis / sine * np.arctan2(sine, cosine))
 
 
 def _actuators(config: ChainConfig, laws: Sequence[JointLaw]) -> tuple[Actuator, ...]:
@@ -220,13 +203,6 @@ def _actuators(config: ChainConfig, laws: Sequence[JointLaw]) -> tuple[Actuator,
     if len(names) > 1:
         raise UserError(f"one chain has one kind of actuation, and its laws take {' and '.join(names)}")
     for actuator in config.actuators:
-        if _unnumbered(actuator.input) != _unnumbered(names[0]):
+        if re.sub(r"_\d+_", "_", actuator.input) != re.sub(r"_\d+_", "_", names[0]):
             raise UserError(f"chain.actuators names '{actuator.input}', but the chain's law takes {names[0]}")
-    if config.actuators:
-        return tuple(Actuator(a.input, a.sign) for a in config.actuators)
-    return (Actuator(names[0]),)
-
-
-def _unnumbered(name: str) -> str:
-    """`pressure_pa` of `pressure_2_pa`."""
-    return re.sub(r"_\d+_", "_", name)
+    return tuple(Actuator(a.input, a.sign) for a in config.actuators) or (Actuator(names[0]),)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +21,11 @@ from pliant.records.design import Array
 from pliant.records.fem import COUPLING, TRUSTED, FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
 
-NUMBERS = ("actuation", "energy_j", "travel", "wall_s")
-VECTORS = ("deformation", "tau", "dtau_dp", "dtau_du")
-
-
-@dataclass(frozen=True)
-class _Row:
-    """A state with all axes and the axis whose law it explores."""
-
-    state: FemState
-    role: str
-    explored: str
+OF_STATES = (
+    *("actuation", "energy_j", "travel", "wall_s", "deformation", "tau", "dtau_dp", "dtau_du"),
+    *("iterations", "branch", "status"),
+)
+AGREEMENT = 1e-6  # of a column's largest value; Newton ends at 1e-9 and less
 
 
 def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict[str, Any]:
@@ -42,49 +36,38 @@ def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict
     full piece is a row of each lateral axis. A state of an axis about which the module is symmetric has a copy
     at −u. Copies took no iterations and no time.
     """
-    rows = list(_rows(sampling, axes, main_axis))
-    columns: dict[str, Any] = {name: _column(rows, name) for name in (*NUMBERS, *VECTORS)}
-    return {
-        **columns,
-        "iterations": np.array([row.state.iterations for row in rows], dtype=np.int64),
-        "explored": np.array([row.explored for row in rows]),
-        "branch": np.array([row.state.branch for row in rows]),
-        "status": np.array([row.state.status for row in rows]),
-        "role": np.array([row.role for row in rows]),
+    rows: list[tuple[FemState, str, str]] = []  # with the role and the axis whose law it explores
+    lateral = [axis for axis in axes if axis != main_axis]
+    for one in sampling.solved:
+        state, role = one.state, one.target.role
+        if one.target.piece != FULL:
+            rows.append((_embedded(state, axes, main_axis), role, main_axis))
+        elif one.target.branch == "free":
+            copies = (state, *[replace(state, iterations=0, wall_s=0.0)] * (len(lateral) - 1))
+            rows += [(copy, role, axis) for copy, axis in zip(copies, lateral, strict=True)]
+        else:
+            explored = one.target.explored or COUPLING
+            rows.append((state, role, explored))
+            if explored in sampling.mirrored and role == "fit":
+                rows.append((_mirrored(state, axes.index(main_axis)), role, explored))
+    columns: dict[str, Any] = {name: np.array([getattr(s, name) for s, _, _ in rows]) for name in OF_STATES}
+    return columns | {
+        "role": np.array([row[1] for row in rows]),
+        "explored": np.array([row[2] for row in rows]),
     }
 
 
-def _column(rows: Sequence[_Row], name: str) -> Array:
-    return np.array([getattr(row.state, name) for row in rows], dtype=float)
-
-
-def _rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> Iterator[_Row]:
-    lateral = [axis for axis in axes if axis != main_axis]
-    for one in sampling.solved:
-        if one.target.piece != FULL:
-            yield _Row(_embedded(one, axes, main_axis), one.target.role, main_axis)
-            continue
-        if one.target.branch == "free":
-            for number, axis in enumerate(lateral):
-                yield _Row(one.state if number == 0 else _copy(one.state), one.target.role, axis)
-            continue
-        explored = one.target.explored or COUPLING
-        yield _Row(one.state, one.target.role, explored)
-        if explored in sampling.mirrored and one.target.role == "fit":
-            yield _Row(_mirrored(one.state, axes.index(main_axis)), one.target.role, explored)
-
-
-def _embedded(one: Sampled, axes: Sequence[str], main_axis: str) -> FemState:
+def _embedded(state: FemState, axes: Sequence[str], main_axis: str) -> FemState:
     """A state of the main axis alone among all axes."""
     k, m = len(axes), axes.index(main_axis)
     if k == 1:
-        return one.state
+        return state
     vectors = {name: np.zeros(k) for name in ("deformation", "tau", "dtau_dp")}
     slopes = np.full((k, k), np.nan)
     for name, vector in vectors.items():
-        vector[m] = getattr(one.state, name)[one.state.main]
-    slopes[m, m] = one.state.dmoment_du
-    return replace(one.state, **vectors, dtau_du=slopes, main=m)  # type: ignore[arg-type]
+        vector[m] = getattr(state, name)[state.main]
+    slopes[m, m] = state.dmoment_du
+    return replace(state, **vectors, dtau_du=slopes, main=m)  # type: ignore[arg-type]
 
 
 def _mirrored(state: FemState, main: int) -> FemState:
@@ -92,19 +75,14 @@ def _mirrored(state: FemState, main: int) -> FemState:
     sign = -np.ones(len(state.deformation))
     sign[main] = 1.0
     return replace(
-        _copy(state),
+        state,
+        iterations=0,
+        wall_s=0.0,
         deformation=sign * state.deformation,
         tau=sign * state.tau,
         dtau_dp=sign * state.dtau_dp,
         dtau_du=np.outer(sign, sign) * state.dtau_du,
     )
-
-
-def _copy(state: FemState) -> FemState:
-    return replace(state, iterations=0, wall_s=0.0)
-
-
-AGREEMENT = 1e-6  # of a column's largest value; Newton ends at 1e-9 and less
 
 
 def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
@@ -126,20 +104,13 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         limit = fem.actuation_max(main.actuation)
         return as_data(built, problems, pieces, sample(pieces, fem, limit, partial, bench.progress, loads))
 
+    configs = {"family": family, "material": material, "fem": fem}
     return bench.make(
         "fem",
         compute,
-        components=[
-            bench.component("family", family),
-            bench.component("material", material),
-            bench.component("fem", fem),
-        ],
+        components=[bench.component(name, config) for name, config in configs.items()],
         modules=["pliant.pipeline.dataset"],
-        config={
-            "family": content(family),
-            "material": content(material),
-            "fem": content(fem),
-        },
+        config={name: content(config) for name, config in configs.items()},
         inputs={},
         agrees=lambda data: same_physics(data, pieces_of(module_problems(built, fem.refinement))),
     )
@@ -160,21 +131,16 @@ def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
             reach = np.maximum(np.abs(data.deformation).max(axis=0), np.finfo(float).tiny)
             size = np.abs(data.deformation[rows] / reach).sum(axis=1)
             row = rows[np.argmax(size * data.actuation[rows])]
-            if not _agrees(data, int(row), _solved_again(data, int(row), piece), piece):
+            # from rest over the free branch
+            actuation, state = float(data.actuation[row]), piece.solver.rest()
+            for share in (0.5, 1.0):
+                state = piece.solver.free(share * actuation, state)
+            held = {axis: float(data.deformation[row, data.axes.index(axis)]) for axis in piece.axes}
+            if not _agrees(data, int(row), piece.solver.constrained(actuation, held, state), piece):
                 return False
     except (NotReachedError, UserError, AttributeError, ValueError, IndexError):
         return False
     return True
-
-
-def _solved_again(data: ModuleData, row: int, piece: Piece) -> FemState:
-    """The state of a row, from rest over the free branch."""
-    held = {axis: float(data.deformation[row, data.axes.index(axis)]) for axis in piece.axes}
-    actuation = float(data.actuation[row])
-    state = piece.solver.rest()
-    for share in (0.5, 1.0):
-        state = piece.solver.free(share * actuation, state)
-    return piece.solver.constrained(actuation, held, state)
 
 
 def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
@@ -216,6 +182,8 @@ def as_data(
     whole = problems.get(FULL, problems[MAIN])
     rows = module_rows(sampling, whole.axes, whole.main_axis)
     solver = next(piece.solver for piece in pieces if piece.name == MAIN)
+    meshes = {name: problem.mesh for name, problem in problems.items()}
+    sizes = {name: {"n_cells": len(m.cells), "n_nodes": len(m.nodes_m)} for name, m in meshes.items()}
     return ModuleData(
         design=family.design,
         joint=whole.joint,
@@ -224,15 +192,9 @@ def as_data(
         actuation_name=whole.actuation,
         failed=sampling.failed,
         shapes=_shapes(problems[MAIN], solver, sampling.solved),
-        sampling={**sampling.summary, "n_solved": len(sampling.solved), "pieces": _sizes(problems)},
+        sampling={**sampling.summary, "n_solved": len(sampling.solved), "pieces": sizes},
         **rows,
     )
-
-
-def _sizes(problems: Mapping[str, ModuleProblem]) -> dict[str, dict[str, int]]:
-    """How large each piece's mesh is."""
-    meshes = {name: problem.mesh for name, problem in problems.items()}
-    return {name: {"n_cells": len(m.cells), "n_nodes": len(m.nodes_m)} for name, m in meshes.items()}
 
 
 def _shapes(

@@ -38,7 +38,9 @@ def field_targets(data: ModuleData, which: Which) -> list[Target]:
     "free": the main axis' free branch. "extremes": also, of each axis, the held states with the smallest and largest
     u at no actuation and at the largest. "all": every state that is no copy by symmetry and was held by angles.
     """
-    free = sorted({float(p) for p in data.axis(data.main_axis).actuation[_free(data)]})
+    free = sorted(
+        {float(p) for p in data.actuation[(data.explored == data.main_axis) & (data.branch == "free")]}
+    )
     targets = [Target("free", p, explored=data.main_axis) for p in free if p > 0]
     if which != "free":
         for axis in data.explored_axes():
@@ -86,11 +88,6 @@ def solve_fields(
             bar.finish()
 
 
-def _free(data: ModuleData) -> np.ndarray:
-    """Free rows among those of the main axis."""
-    return np.asarray(data.branch[data.explored == data.main_axis] == "free")
-
-
 def _held(data: ModuleData, axis: str, which: Which) -> list[Target]:
     """Held states of one axis, nearest to the free state first."""
     k = data.axes.index(axis)
@@ -105,13 +102,5 @@ def _held(data: ModuleData, axis: str, which: Which) -> list[Target]:
         rows = rows[sorted(corners)]
     order = rows[np.argsort(np.abs(data.tau[rows, k]), kind="stable")]
     piece = MAIN if axis == data.main_axis else FULL
-    return [
-        Target(
-            "constrained",
-            float(data.actuation[row]),
-            {axis: float(data.deformation[row, k])},
-            explored=axis,
-            piece=piece,
-        )
-        for row in order
-    ]
+    places = [(float(data.actuation[row]), {axis: float(data.deformation[row, k])}) for row in order]
+    return [Target("constrained", p, held, explored=axis, piece=piece) for p, held in places]

@@ -26,7 +26,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.motion import Motion
-from pliant.records.rollout import Inputs, Rollout, TaskResult
+from pliant.records.rollout import Inputs, Rollout
 from pliant.records.scene import Arm, Scene, SceneFrames
 from pliant.records.shape import HalfShapes, Shape, TriangleMesh
 
@@ -50,7 +50,11 @@ def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
             raise UserError(f"task '{task.config.kind}' recorded no frames to draw.")
         # Scenes are laid out by what collides.
         return Motion(with_surfaces(task.scene(task.prepare(run.chain)), looks), result.frames)
-    return Motion(chain_scene(task.prepare(looks)), _frames_of(result))
+    rollout: Rollout | None = result.rollout
+    times, angles = (np.zeros(1), result.final.joint_angles[None])
+    if rollout is not None:
+        times, angles = rollout.time_s, rollout.joint_angles
+    return Motion(chain_scene(task.prepare(looks)), chain_frames(times, angles))
 
 
 def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
@@ -96,7 +100,7 @@ def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
 
 
 def chain_scene(chain: ChainModel) -> Scene:
-    """A chain alone."""
+    """The scene of one chain without objects."""
     return Scene((Arm(chain),), gravity_m_s2=np.asarray(chain.gravity_m_s2, float))
 
 
@@ -125,13 +129,9 @@ def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
     if turns.size:
         turn = log_map(np.swapaxes(turns, -1, -2) @ frames.rotations[right])
         turns = turns @ exp_map(share[:, None, None] * turn)
-    return SceneFrames(
-        np.asarray(time_s, float),
-        between(frames.carriage_m),
-        tuple(between(q) for q in frames.coordinates),
-        between(frames.positions_m),
-        turns,
-    )
+    coordinates = tuple(between(q) for q in frames.coordinates)
+    places = between(frames.carriage_m), coordinates, between(frames.positions_m)
+    return SceneFrames(np.asarray(time_s, float), *places, turns)
 
 
 def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
@@ -143,21 +143,6 @@ def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
         frames.positions_m[index],
         frames.rotations[index],
     )
-
-
-def _frames_of(result: TaskResult) -> SceneFrames:
-    rollout: Rollout | None = result.rollout
-    if rollout is None:
-        return chain_frames(np.zeros(1), result.final.joint_angles[None])
-    return chain_frames(rollout.time_s, rollout.joint_angles)
-
-
-def _meshes(soft: TriangleMesh, rigid: TriangleMesh | None) -> tuple[Shape, ...]:
-    """A half's surfaces as shapes."""
-    shapes = [Shape("mesh", (), np.zeros(3), np.eye(3), soft)]
-    if rigid is not None:
-        shapes.append(Shape("mesh", (), np.zeros(3), np.eye(3), rigid, rigid=True))
-    return tuple(shapes)
 
 
 def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segment:
@@ -172,7 +157,12 @@ def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segmen
         return segment
     family: ActuatorFamily = bench.build("family", design.family)
     surface = seen_surface(family)
-    shapes = HalfShapes(_meshes(surface.start, surface.rigid_start), _meshes(surface.end, surface.rigid_end))
+
+    def meshes(soft: TriangleMesh, rigid: TriangleMesh | None) -> tuple[Shape, ...]:
+        shape = Shape("mesh", (), np.zeros(3), np.eye(3), soft)
+        return (shape,) if rigid is None else (shape, replace(shape, mesh=rigid, rigid=True))
+
+    shapes = HalfShapes(meshes(surface.start, surface.rigid_start), meshes(surface.end, surface.rigid_end))
     return replace(segment, piece=replace(piece, shapes=shapes))
 
 

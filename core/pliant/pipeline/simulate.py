@@ -49,10 +49,8 @@ class Commands:
 
     def wait(self) -> Inputs | None:
         """The present command holds for so long that its past is forgotten."""
-        if self._present is None:
-            return None
-        self._past = [(self._time_s, self._present)]
-        return self._acting(())
+        self._past = [] if self._present is None else [(self._time_s, self._present)]
+        return None if self._present is None else self._acting(())
 
     def pass_time(self, duration_s: float) -> Inputs | None:
         """What acts at the end of a step with the present command."""

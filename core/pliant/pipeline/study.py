@@ -27,7 +27,7 @@ from pliant.pipeline.chain import (
 )
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
-from pliant.pipeline.meta_model.stage import MetaModelStage, law_of_design, meta_model_stage
+from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
 from pliant.pipeline.visual import seen_surface
@@ -72,7 +72,7 @@ class DesignStages:
 
     @property
     def family(self) -> FamilyConfig | None:
-        """The design's family."""
+        """The family's config with the design's parameters; None without a family."""
         return self.design.family
 
 
@@ -161,16 +161,22 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     Raises:
         UserError: among others, a design for which the meta-model does not hold.
     """
-    stages: list[DesignStages] = []
-    designs = distinct_designs(study)
-    meta = _meta_model(bench, study, designs)
-    for design in designs:
-        if meta is not None and design.meta_model is not None and design.family is not None:
-            law = law_of_design(bench, meta, design.family, study.material)
-            stages.append(DesignStages(design, None, law))
-        else:
-            stages.append(own_law(bench, study, design))
-    return tuple(stages)
+    designs, meta = distinct_designs(study), None
+    wanted = [design.family for design in designs if design.meta_model is not None]
+    if study.meta_model is not None and wanted:
+        solved = solved_designs(bench, study)
+        d = solved.designs
+        for family in wanted:  # that it holds for them is known before it is fitted
+            assert family is not None
+            values_of(d.names, d.box, d.fixed, family, study.material, study.meta_model.extrapolate)
+        meta = meta_model_stage(bench, study, solved)
+
+    def stages(design: Design) -> DesignStages:
+        if meta is None or design.meta_model is None or design.family is None:
+            return own_law(bench, study, design)
+        return DesignStages(design, None, law_of_design(bench, meta, design.family, study.material))
+
+    return tuple(map(stages, designs))
 
 
 def own_law(bench: Workbench, study: Study, design: Design) -> DesignStages:
@@ -187,20 +193,6 @@ def needs_fem(bench: Workbench, design: Design) -> bool:
     surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     wanted: bool = design.meta_model is None and bench.build("surrogate", surrogate).needs_fem()
     return wanted and design.family is not None
-
-
-def _meta_model(bench: Workbench, study: Study, designs: Sequence[Design]) -> MetaModelStage | None:
-    """The study's meta-model, where a design needs it; that it holds for them is known before it is fitted."""
-    wanted = [design.family for design in designs if design.meta_model is not None]
-    config = study.meta_model
-    if config is None or not wanted:
-        return None
-    solved = solved_designs(bench, study)
-    d = solved.designs
-    for family in wanted:
-        assert family is not None
-        values_of(d.names, d.box, d.fixed, family, study.material, config.extrapolate)
-    return meta_model_stage(bench, study, solved)
 
 
 def chain_of_study(bench: Workbench, study: Study) -> ChainSource:

@@ -231,7 +231,6 @@ def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> N
         path: of the table.
         digits: significant ones of the states' numbers; all by default. Parameters of designs keep theirs.
     """
-    swept = list(run.outcomes[0].design.changes) if run.outcomes else []
     columns: dict[str, None] = {}
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -245,7 +244,7 @@ def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> N
                     row = row if digits is None else {k: shortened(cell, digits) for k, cell in row.items()}
                     own = {name: str(value) for name, value in design.changes.items()}
                     rows.append({**own, **row, NUMBER: str(design.number)})
-    columns |= dict.fromkeys([*swept, NUMBER])
+    columns |= dict.fromkeys([*(run.outcomes[0].design.changes if run.outcomes else ()), NUMBER])
     text = io.StringIO()
     writer = csv.DictWriter(text, list(columns), restval="", lineterminator="\n")
     writer.writeheader()
@@ -256,10 +255,9 @@ def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> N
 def shortened(cell: str, digits: int) -> str:
     """A number with so many significant digits; whole numbers and words as they are."""
     try:
-        value = float(cell)
+        return cell if cell.lstrip("-").isdecimal() else f"{float(cell):.{digits}g}"
     except ValueError:
         return cell
-    return cell if cell.lstrip("-").isdecimal() else f"{value:.{digits}g}"
 
 
 def sweep_study(

@@ -33,12 +33,12 @@ class CountCondition:
 
     @property
     def successes(self) -> int:
-        """Over all sets."""
+        """Successful trials of all sets."""
         return sum(one.successes for one in self.sets)
 
     @property
     def trials(self) -> int:
-        """Over all sets."""
+        """Trials of all sets."""
         return sum(one.trials for one in self.sets)
 
 
@@ -60,5 +60,5 @@ class Counts:
 
     @property
     def trials(self) -> int:
-        """Over all conditions."""
+        """Trials of all conditions."""
         return sum(condition.trials for condition in self.conditions)

@@ -36,7 +36,7 @@ NEARER = "trials nearer to the threshold: other pressures or loads, until some s
 
 
 def counted(count: Count) -> str:
-    """``29/30``."""
+    """Successes of trials as text, ``29/30``."""
     return f"{count[0]}/{count[1]}"
 
 

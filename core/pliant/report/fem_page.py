@@ -185,7 +185,7 @@ def coupling_table(data: ModuleData) -> Table | None:
 
 
 def cost_table(data: ModuleData, backend: str) -> Table:
-    """Mesh and effort."""
+    """Size of the mesh, Newton steps and seconds of the states."""
     rows = solved_rows(data)
     wall, steps = data.wall_s[rows], data.iterations[rows]
     table: list[Cells] = [["FEM code", backend or "–"]]

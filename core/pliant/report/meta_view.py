@@ -82,7 +82,7 @@ class MetaFitted:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Of the joint."""
+        """Axes of the joint's deformation."""
         return self.designs.data[0].axes
 
     @cached_property

@@ -309,10 +309,9 @@ def _metrics_table(read: SearchView) -> Table | None:
     for name in read.checked_metrics()[:MOST_METRICS]:
         label, unit = read.metric(name)
         for engine, metrics in found.verified.items():
-            if name not in metrics or name not in found.predicted.get(engine, {}):
-                continue
-            a, b = float(found.predicted[engine][name]), float(metrics[name])
-            rows.append([label, engine, unit.text(a), unit.text(b), unit.text(b - a, 3)])
+            a, b = found.predicted.get(engine, {}).get(name), metrics.get(name)
+            if a is not None and b is not None:
+                rows.append([label, engine, unit.text(a), unit.text(b), unit.text(b - a, 3)])
     head = ["metric", "engine", "predicted", "verified", "difference"]
     return Table("Predicted against verified", head, rows, numeric=2) if rows else None
 

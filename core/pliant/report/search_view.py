@@ -96,7 +96,7 @@ class Objective:
 
     @property
     def title(self) -> str:
-        """Label and unit."""
+        """Label with the display unit, as an axis has it."""
         return f"{self.label} ({self.unit.symbol})" if self.unit.symbol else self.label
 
     @property
@@ -158,14 +158,12 @@ class SearchView:
         """(n,) candidates with a number for each objective."""
         history = self.result.history
         objectives = np.asarray(history.objectives, float).reshape(len(history), -1)
-        found: NDArray[np.bool_] = (np.asarray(history.status) == OK) & np.isfinite(objectives).all(axis=1)
-        return found
+        return np.asarray((np.asarray(history.status) == OK) & np.isfinite(objectives).all(axis=1))
 
     @property
     def broken(self) -> NDArray[np.bool_]:
         """(n,) candidates that were evaluated and break a constraint on metrics."""
-        found: NDArray[np.bool_] = (np.asarray(self.result.history.status) == OK) & ~self.ok
-        return found
+        return np.asarray((np.asarray(self.result.history.status) == OK) & ~self.ok)
 
     @property
     def best(self) -> FoundDesign | None:
@@ -190,7 +188,7 @@ class SearchView:
 
     @property
     def objective(self) -> Objective:
-        """The first."""
+        """The first objective, which orders the designs."""
         return self.objectives[0]
 
     def scores(self, column: int = 0) -> Array:
@@ -203,8 +201,7 @@ class SearchView:
         """Rows of the evaluated candidates, best first by the first objective."""
         rows = np.flatnonzero(self.ok)
         minimised = np.asarray(self.result.history.objectives, float).reshape(len(self.ok), -1)[rows, 0]
-        found: NDArray[np.int64] = rows[np.argsort(minimised, kind="stable")]
-        return found
+        return np.asarray(rows[np.argsort(minimised, kind="stable")])
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -225,20 +222,13 @@ class SearchView:
 
     def branch_names(self) -> list[str]:
         """Every branch by its values: ``5 · 6 · 7``."""
-        axes = {axis.name: axis for axis in self.axes}
-        return [
-            " · ".join(
-                axes[name].text(value) if name in axes else str(value) for name, value in branch.items()
-            )
-            for branch in self.result.branches
-        ]
+        text = {axis.name: axis.text for axis in self.axes}
+        return [" · ".join(text.get(n, str)(v) for n, v in branch.items()) for branch in self.result.branches]
 
     def branch_title(self) -> str:
         """What the parts of a branch's name are."""
-        axes = {axis.name: axis.label for axis in self.axes}
-        return " · ".join(
-            axes.get(name, name) for name in (self.result.branches[0] if self.result.branches else ())
-        )
+        labels, branches = {axis.name: axis.label for axis in self.axes}, self.result.branches
+        return " · ".join(labels.get(name, name) for name in (branches[0] if branches else ()))
 
     def best_of_branches(self) -> list[tuple[int, int]]:
         """(branch, row of its best candidate), best first; branches without one are left out."""
@@ -337,12 +327,7 @@ class SearchView:
         unit = display_unit(variable.unit)
         raw = variable.choices
         texts = tuple(
-            unit.text(choice)
-            if isinstance(choice, int | float) and not isinstance(choice, bool)
-            else number(choice)
-            if isinstance(choice, bool)
-            else str(choice)
-            for choice in raw
+            c if isinstance(c, str) else number(c) if isinstance(c, bool) else unit.text(c) for c in raw
         )
         if variable.name in history.values:
             values = np.asarray(history.values[variable.name], float) * (1.0 if raw else unit.factor)

@@ -51,7 +51,10 @@ def search_study(
     """
     chosen = either(executor, workers, "a search")
     bench = replace(bench, progress=Once(bench.progress))
-    study = with_optimizer(bench, study)
+    study.need("search", "'pliant optimize'")
+    if study.optimizer is None:
+        config = bench.registry.get("optimizer", DEFAULT_OPTIMIZER).config_model()(kind=DEFAULT_OPTIMIZER)
+        study = study.model_copy(update={"optimizer": config})
     problem = _checked(bench, study)
     space = require_feasible(problem, problem.config.seed)
     # What cannot be varied, or leaves the meta-model's range, shows before the nominal search beside a robust one.
@@ -67,15 +70,6 @@ def search_study(
             return made
         verification = checked(bench, study, problem, result, made.key, running)
     return replace(made, value=replace(result, verification=verification))
-
-
-def with_optimizer(bench: Workbench, study: Study) -> Study:
-    """The study with the default optimizer where it names none."""
-    study.need("search", "'pliant optimize'")
-    if study.optimizer is not None:
-        return study
-    config = bench.registry.get("optimizer", DEFAULT_OPTIMIZER).config_model()(kind=DEFAULT_OPTIMIZER)
-    return study.model_copy(update={"optimizer": config})
 
 
 def files_folder(bench: Workbench, artifact: Artifact) -> Path:

@@ -24,33 +24,12 @@ from pliant.records.search import (
 )
 from pliant.records.shape import Shape, TriangleMesh
 
-RECORDS: dict[str, type[Any]] = {
-    cls.__name__: cls
-    for cls in (
-        Design,
-        FemDataset,
-        FemState,
-        ModuleData,
-        ModuleShape,
-        FitReport,
-        LawRecord,
-        Equilibrium,
-        OutsideDomain,
-        Rollout,
-        TaskResult,
-        SceneFrames,
-        SceneStill,
-        Shape,
-        TriangleMesh,
-        FoundDesign,
-        Robustness,
-        SearchHistory,
-        SearchResult,
-        Slope,
-        VariableRecord,
-        Verification,
-    )
-}
+CLASSES: tuple[type[Any], ...] = (
+    *(Design, FemDataset, FemState, ModuleData, ModuleShape, FitReport, LawRecord, Shape, TriangleMesh),
+    *(Equilibrium, OutsideDomain, Rollout, TaskResult, SceneFrames, SceneStill),
+    *(FoundDesign, Robustness, SearchHistory, SearchResult, Slope, VariableRecord, Verification),
+)
+RECORDS = {cls.__name__: cls for cls in CLASSES}
 
 Arrays = dict[str, np.ndarray]
 RESERVED = {"__record__", "__array__", "__tuple__", "__items__"}

@@ -31,13 +31,11 @@ MACHINERY = (
     "pliant.execution",
     "pliant.pipeline.workbench",
 )
+WHOLE_ROOMS = ("pliant.registry.", "pliant.store.", "pliant.execution.")
 # Files in a package that no result depends on; the code itself is hashed module by module.
 NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
-DOCUMENTATION = {
-    "description",
-    "title",
-    "examples",
-}  # arguments of the functions that declare a config's field
+# Arguments that no result depends on, of the functions that declare a config's field.
+DOCUMENTATION = {"description", "title", "examples"}
 FIELDS = {"Field", "parameter"}
 MODULE_NAME = re.compile(r"\.*[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
@@ -71,11 +69,8 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
     queue = [*start]
     while queue:
         name = queue.pop()
-        if (
-            name in found
-            or name.partition(".")[0] not in followed
-            or (_is_machinery(name) and name not in start)
-        ):
+        machinery = name in MACHINERY or name.startswith(WHOLE_ROOMS)
+        if name in found or name.partition(".")[0] not in followed or (machinery and name not in start):
             continue
         path = _source(name)
         if path is None:
@@ -86,10 +81,6 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
     return found
 
 
-def _is_machinery(name: str) -> bool:
-    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store.", "pliant.execution."))
-
-
 def source_digest(source: bytes) -> str:
     """Hex digest of one file's code; comments, formatting and documentation do not count."""
     return _parsed(source, "")[0]
@@ -98,11 +89,8 @@ def source_digest(source: bytes) -> str:
 def versions(modules: Iterable[str]) -> dict[str, str]:
     """Installed versions of the distributions that provide these modules."""
     table = _distributions()
-    result = {}
-    for module in modules:
-        for distribution in sorted(set(table.get(module.partition(".")[0], []))):
-            result[distribution] = importlib.metadata.version(distribution)
-    return result
+    names = (one for module in modules for one in sorted(set(table.get(module.partition(".")[0], []))))
+    return {name: importlib.metadata.version(name) for name in names}
 
 
 @cache
@@ -148,7 +136,10 @@ def _parsed(source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
         return hashlib.sha256(source).hexdigest(), ()
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            _drop_docstring(node)
+            first = node.body[0] if node.body else None
+            constant = first.value if isinstance(first, ast.Expr) else None
+            if isinstance(constant, ast.Constant) and isinstance(constant.value, str):
+                node.body = node.body[1:]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FIELDS:
             node.keywords = [k for k in node.keywords if k.arg not in DOCUMENTATION]
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(_imports(tree, package))
@@ -179,10 +170,3 @@ def _absolute(name: str, package: str) -> str:
         return name
     parts = package.split(".")
     return ".".join([*parts[: len(parts) - level + 1], *([bare] if bare else [])])
-
-
-def _drop_docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> None:
-    first = node.body[0] if node.body else None
-    constant = first.value if isinstance(first, ast.Expr) else None
-    if isinstance(constant, ast.Constant) and isinstance(constant.value, str):
-        node.body = node.body[1:]

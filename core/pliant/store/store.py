@@ -68,7 +68,7 @@ class Artifact:
 
     @property
     def key(self) -> str:
-        """Content address."""
+        """The content address, which names the folder."""
         return self.folder.name
 
 
@@ -142,17 +142,15 @@ class ArtifactStore:
 
         A killed one does not: the lock is the operating system's.
         """
-        folder = self.root / stage / key
-        if not folder.parent.is_dir():
-            return False
-        lock = FileLock(folder.with_name(folder.name + ".lock"))
         try:
-            with lock.acquire(timeout=0):
-                return False
+            if (self.root / stage).is_dir():
+                with FileLock(self.root / stage / f"{key}.lock").acquire(timeout=0):
+                    pass
         except Timeout:
             return True
         except (OSError, NotImplementedError):  # `make` says so
-            return False
+            pass
+        return False
 
     def _adoptable(self, recipe: Recipe, agrees: Callable[[Any], bool]) -> Artifact | None:
         """An artifact of the same config, inputs and libraries by other code, the newest that agrees."""
@@ -173,7 +171,7 @@ class ArtifactStore:
         if not folder.exists():
             return None
         try:
-            return _load(folder)
+            return load_artifact(folder, folder.name)
         except CorruptedError as error:
             note(
                 f"artifact {folder.parent.name}/{folder.name[:8]} is corrupted ({error}); computing it anew."
@@ -251,14 +249,14 @@ def read_value(folder: Path) -> Any:
 
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of the files of a record that `write_value` wrote."""
-    return {name: _digest(folder / name) for name in (VALUE, ARRAYS)}
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (VALUE, ARRAYS)}
 
 
 def read_checked(folder: Path, expected: Mapping[str, str]) -> Any:
     """Read a record whose files must have these digests; raises `CorruptedError` with the cause."""
     try:
-        for name in (VALUE, ARRAYS):
-            if _digest(folder / name) != expected[name]:
+        for name, digest in digests(folder).items():
+            if digest != expected[name]:
                 raise CorruptedError(f"{name} does not match its checksum")
         return read_value(folder)
     except PermissionError as error:
@@ -267,8 +265,8 @@ def read_checked(folder: Path, expected: Mapping[str, str]) -> Any:
         raise CorruptedError(f"{type(error).__name__}: {error}") from None
 
 
-def load_artifact(folder: Path) -> Artifact:
-    """Read a stored artifact and check its digests.
+def load_artifact(folder: Path, key: str | None = None) -> Artifact:
+    """Read a stored artifact and check its digests, and its key where that is given.
 
     Raises `CorruptedError` with the cause, and `UserError` where permission is missing.
     """
@@ -281,21 +279,15 @@ def load_artifact(folder: Path) -> Artifact:
         raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CorruptedError(f"{MANIFEST}: {type(error).__name__}: {error}") from None
+    if key is not None and manifest.get("key") != key:
+        raise CorruptedError(f"it is a copy of {manifest.get('key')}")
     return Artifact(read_checked(folder, manifest["files"]), folder, manifest, cached=True)
 
 
-def _load(folder: Path) -> Artifact:
-    """An artifact of a store, where the folder's name is the key."""
-    artifact = load_artifact(folder)
-    if artifact.manifest.get("key") != folder.name:
-        raise CorruptedError(f"it is a copy of {artifact.manifest.get('key')}")
-    return artifact
-
-
 def _sound(folder: Path) -> Artifact | None:
-    """The artifact, or None where there is none or a damaged one."""
+    """The artifact of a store, or None where there is none or a damaged one."""
     try:
-        return _load(folder) if folder.is_dir() else None
+        return load_artifact(folder, folder.name) if folder.is_dir() else None
     except CorruptedError:
         return None
 
@@ -337,8 +329,3 @@ def _json_digest(value: Any) -> str:
     """SHA-256 of a value as JSON, whatever the order of its keys; the same before and after a file."""
     plain = json.loads(json.dumps(value))
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

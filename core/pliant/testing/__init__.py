@@ -1,25 +1,282 @@
 """Conformance suites for plugin authors: what the contracts say, as checks that name the likely cause.
 
-One file per interface holds its checks; `suite` runs them in stages, `parametrize_with_checks` makes one test of each
-component; `samples`, `solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems and
-small implementations that checks and tests use.
+One module per interface holds its checks, and this one runs them in stages; `parametrize_with_checks` makes one test of
+each component. `samples`, `solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems
+and small implementations that checks and tests use.
 """
 
-from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any
+from __future__ import annotations
 
+import functools
+import importlib
+import inspect
+import re
+import time
+import traceback
+import unittest
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
+
+import numpy as np
+
+from pliant.errors import ContractError, MissingDependencyError, PliantError, UserError
+from pliant.interfaces.base import ComponentConfig
 from pliant.registry.component import Component
-from pliant.testing.suite import (
-    Check,
-    CheckFailure,
-    CheckOutcome,
-    CheckSkipped,
-    Subject,
-    check_component,
-    checks_for,
-    run_checks,
-)
+
+T = TypeVar("T")
+P = ParamSpec("P")
+# Interface → modules of this room whose checks it has beside those of the module called like it.
+MORE = {"effect": ("effect_terms", "effect_found"), "physics": ("physics_runs", "physics_scene")}
+
+
+class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports
+    """A component breaks its contract; the message names it, what was seen, why, and the clause.
+
+    `raised_at` is the place in the plugin's code from which an error came, (type, file, line), where one did.
+    """
+
+    raised_at: tuple[str, str, int] | None = None
+
+
+class CheckSkipped(unittest.SkipTest):
+    """A check that does not apply or cannot run here; pytest reports it as skipped, with the cause."""
+
+
+class Finding(Exception):  # noqa: N818 - raised by checks only, turned into `CheckFailure`
+    """What a check saw and what the likely cause is."""
+
+
+def require(condition: object, finding: str) -> None:
+    """Raise `Finding` unless the condition holds."""
+    if not condition:
+        raise Finding(finding)
+
+
+def agree(got: Any, wanted: Any, finding: str, rtol: float = 0.0, atol: float = 0.0) -> None:
+    """Raise `Finding` with the largest difference unless ``|got − wanted| ≤ atol + rtol · max|wanted|``.
+
+    `wanted` may be one number for all of `got`.
+    """
+    a, b = np.asarray(got, float), np.asarray(wanted, float)
+    require(b.ndim == 0 or a.shape == b.shape, f"{finding} (shape {a.shape} instead of {b.shape})")
+    require(np.all(np.isfinite(a)), f"{finding} (not all values are finite)")
+    if a.size == 0:
+        return
+    limit = atol + rtol * float(np.abs(b).max())
+    b = np.broadcast_to(b, a.shape)
+    worst = np.unravel_index(int(np.abs(a - b).argmax()), a.shape)
+    numbers = f"(got {a[worst]:.9g}, expected {b[worst]:.9g}, allowed difference {limit:.2g})"
+    require(abs(a[worst] - b[worst]) <= limit, f"{finding} {numbers}")
+
+
+def require_refused(
+    call: Callable[[], object],
+    accepted: str,
+    says: str = "",
+    what: str = "cause",
+    error: type[Exception] = UserError,
+) -> None:
+    """Raise `Finding` unless the call raises this error; `says` is a pattern that its message holds.
+
+    `accepted` is the finding where the call goes through, `what` is what a message without the pattern lacks.
+    """
+    try:
+        call()
+    except error as raised:
+        require(re.search(says, str(raised)), f"the message names no {what}: '{raised}'")
+        return
+    raise Finding(accepted)
+
+
+@dataclass(eq=False)
+class Subject:
+    """The component under test, its config and what several checks may share.
+
+    Attributes:
+        component: as a plugin's manifest declares it.
+        shared: results of functions under `once`.
+    """
+
+    component: Component
+    shared: dict[Any, Any] = field(default_factory=dict)
+
+    @property
+    def model(self) -> type[ComponentConfig]:
+        """The component's config model."""
+        return self.component.config_model()
+
+    @property
+    def config(self) -> ComponentConfig:
+        """The config of the component's example."""
+        return self.configured({})
+
+    @property
+    def plain_config(self) -> ComponentConfig:
+        """The config with every default, or that of the example where a key is mandatory."""
+        try:
+            return self.model.model_validate({"kind": self.component.kind})
+        except ValueError:
+            return self.config
+
+    def configured(self, changes: Mapping[str, Any]) -> ComponentConfig:
+        """The example's config with some fields replaced; keys are field names."""
+        example = {"kind": self.component.kind, **self.component.example}
+        values = {**self.model.model_validate(example).model_dump(), **changes}
+        return self.model.model_validate(values)
+
+    def build(self, config: ComponentConfig | None = None) -> Any:
+        """A new instance of the component, with the example's config by default."""
+        return self.component.build(self.config if config is None else config)
+
+
+def once(make: Callable[Concatenate[Subject, P], T]) -> Callable[Concatenate[Subject, P], T]:
+    """Decorator: what a function makes of a subject (and further hashable arguments) is made by its first check."""
+
+    @functools.wraps(make)
+    def shared(subject: Subject, *args: P.args, **kwargs: P.kwargs) -> T:
+        key = (make.__module__, make.__name__, *args, *kwargs.items())
+        if key not in subject.shared:
+            subject.shared[key] = make(subject, *args, **kwargs)
+        result: T = subject.shared[key]
+        return result
+
+    return shared
+
+
+CheckFunction = Callable[[Subject], None]
+Status = Literal["passed", "failed", "skipped"]
+
+
+@dataclass(frozen=True)
+class CheckOutcome:
+    """What became of one check; `message` is empty where it passed."""
+
+    interface: str
+    kind: str
+    name: str
+    status: Status
+    message: str
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """One clause of an interface's contract as a function that raises when it is broken.
+
+    `declares` marks the first stage: manifest, config, signature. Where such a clause is broken the rest is not run.
+    """
+
+    interface: str
+    name: str
+    clause: str
+    function: CheckFunction
+    declares: bool = False
+
+    def run(self, subject: Subject) -> None:
+        """Raise `CheckFailure` if the clause is broken, `CheckSkipped` if it cannot be judged here."""
+        try:
+            self.function(subject)
+        except CheckSkipped:
+            raise
+        except MissingDependencyError as error:
+            raise CheckSkipped(str(error)) from None
+        except Finding as finding:
+            raise self._failure(subject, str(finding)) from finding
+        except Exception as error:  # whatever a plugin raises is its failure, not the suite's
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            name, text = type(error).__name__, " ".join(str(error).split()) or "without a message"
+            # Its place only where it was not raised on purpose.
+            where = (
+                ""
+                if isinstance(error, PliantError)
+                else f" in {place.name} ({place.filename}:{place.lineno})"
+            )
+            failure = self._failure(subject, f"it raised {name}{where}: {text}")
+            failure.raised_at = (name, place.filename, place.lineno or 0)
+            raise failure from error
+
+    def _failure(self, subject: Subject, seen: str) -> CheckFailure:
+        seen = seen.removesuffix(".")
+        return CheckFailure(
+            f"{subject.component.label} fails '{self.name}': {seen}. The contract: {self.clause}"
+        )
+
+
+def declared(function: CheckFunction) -> CheckFunction:
+    """Decorator: a check of the first stage."""
+    vars(function)["declares"] = True
+    return function
+
+
+def checks_for(interface: str) -> tuple[Check, ...]:
+    """All checks of an interface: those of the first stage, the common ones before its own, then the rest.
+
+    A check is a public function ``(subject: Subject) -> None`` of a module of this room; its docstring is the clause.
+    """
+    every = []
+    for room in ("common", interface, *MORE.get(interface, ())):
+        module = importlib.import_module(f"pliant.testing.{room}")
+        for name, function in vars(module).items():
+            own = inspect.isfunction(function) and function.__module__ == module.__name__
+            if (
+                own
+                and name[0] != "_"
+                and function.__annotations__ == {"subject": "Subject", "return": "None"}
+            ):
+                first = room == "common" or "declares" in vars(function)
+                every.append(
+                    Check(interface, name, inspect.cleandoc(function.__doc__ or ""), function, first)
+                )
+    return tuple(sorted(every, key=lambda check: not check.declares))
+
+
+def run_checks(component: Component) -> list[CheckOutcome]:
+    """Run a component's suite in stages; never raises for what the component does.
+
+    A broken clause of the first stage (manifest, config, signature) stops the rest, and what fails by the same line of
+    the plugin as a check before it is not counted again: both are skipped, and say which check names the cause.
+    """
+    subject = Subject(component)
+    outcomes: list[CheckOutcome] = []
+    first = ""
+    causes: dict[tuple[str, str, int], str] = {}
+    for check in checks_for(component.interface):
+        started = time.perf_counter()
+        status: Status = "passed"
+        message = ""
+        try:
+            if first:
+                raise CheckSkipped(f"not run: '{first}' fails first")
+            check.run(subject)
+        except CheckSkipped as skipped:
+            status, message = "skipped", str(skipped)
+        except CheckFailure as failure:
+            status, message = "failed", str(failure)
+            place = failure.raised_at
+            if place and causes.setdefault(place, check.name) != check.name:
+                status, message = "skipped", f"it fails where '{causes[place]}' does"
+            first = check.name if check.declares and status == "failed" else ""
+        wall_s = time.perf_counter() - started
+        outcomes.append(CheckOutcome(check.interface, component.kind, check.name, status, message, wall_s))
+    return outcomes
+
+
+def check_component(component: Component, interface: str | None = None) -> None:
+    """Run a component's suite in stages and raise `CheckFailure` with a sentence for each cause that it fails by.
+
+    Raises `CheckSkipped` with the cause if its package's requirements are not installed, and `CheckFailure`
+    if the component is not of the `interface` that is named.
+    """
+    if interface not in (None, component.interface):
+        raise CheckFailure(f"{component.label} is no {interface}: use the suite of its own interface.")
+    missing = component.missing()
+    if missing is not None:
+        raise CheckSkipped(f"{component.label} needs {missing}: {component.install or 'install it'}")
+    failed = [outcome.message for outcome in run_checks(component) if outcome.status == "failed"]
+    if failed:
+        raise CheckFailure("\n".join(failed))
+
 
 # What a test made by `parametrize_with_checks` gets and calls.
 BoundCheck = Callable[[], None]
@@ -39,41 +296,18 @@ def parametrize_with_checks(components: Iterable[Component]) -> Any:
     import pytest  # only tests need it
 
     every = list(components)
-    checks: list[BoundCheck] = [partial(check_component, component) for component in every]
+    checks: list[BoundCheck] = [functools.partial(check_component, component) for component in every]
     return pytest.mark.parametrize("check", checks, ids=[f"{c.interface}-{c.kind}" for c in every])
 
 
 # One name per interface: the whole suite of a component that must be of this interface.
-check_family = partial(check_component, interface="family")
-check_material = partial(check_component, interface="material")
-check_fem = partial(check_component, interface="fem")
-check_surrogate = partial(check_component, interface="surrogate")
-check_meta_model = partial(check_component, interface="meta_model")
-check_effect = partial(check_component, interface="effect")
-check_physics = partial(check_component, interface="physics")
-check_task = partial(check_component, interface="task")
-check_optimizer = partial(check_component, interface="optimizer")
-check_viewer = partial(check_component, interface="viewer")
-
-__all__ = [
-    "BoundCheck",
-    "Check",
-    "CheckFailure",
-    "CheckOutcome",
-    "CheckSkipped",
-    "Subject",
-    "check_component",
-    "check_effect",
-    "check_family",
-    "check_fem",
-    "check_material",
-    "check_meta_model",
-    "check_optimizer",
-    "check_physics",
-    "check_surrogate",
-    "check_task",
-    "check_viewer",
-    "checks_for",
-    "parametrize_with_checks",
-    "run_checks",
-]
+check_family = functools.partial(check_component, interface="family")
+check_material = functools.partial(check_component, interface="material")
+check_fem = functools.partial(check_component, interface="fem")
+check_surrogate = functools.partial(check_component, interface="surrogate")
+check_meta_model = functools.partial(check_component, interface="meta_model")
+check_effect = functools.partial(check_component, interface="effect")
+check_physics = functools.partial(check_component, interface="physics")
+check_task = functools.partial(check_component, interface="task")
+check_optimizer = functools.partial(check_component, interface="optimizer")
+check_viewer = functools.partial(check_component, interface="viewer")

@@ -23,65 +23,39 @@ Z = (0.0, 3e-3, 7e-3, 8.5e-3)
 HALF_LENGTH_M = 6e-3
 
 
-@dataclass(frozen=True)
 class BoxModule:
-    """Closed forms of the box for a solid of Young's modulus E and Poisson's ratio ν at small strain."""
+    """Closed forms of the box for a solid of Young's modulus E and Poisson's ratio ν at small strain.
 
-    young_pa: float
-    poisson: float
+    Attributes:
+        centroid_m: z_e of the solid section.
+        stiffness_n_m: −∂τ/∂u of the module, E I / l.
+        gain_m3: ∂τ/∂p = (1 − 2ν) A_c (z_c − z_e).
+        side_stiffness_n_m: −∂τ_z/∂u_z of the module, E I_z / l, the section being symmetric about y = 0.
+        twist_bounds_n_m: bounds of −∂τ_x/∂u_x: G/l times Bredt's closed tube on the walls' mid-lines, and I_y + I_z
+            (no warping).
+        axial_stiffness_n_m: −∂F/∂(extension) of the module as a prismatic joint, E A / l, in N/m.
+        thrust_m2: ∂F/∂p of the module as a prismatic joint, (1 − 2ν) A_c.
+    """
 
-    @property
-    def _parts(self) -> tuple[tuple[float, float, float], ...]:
-        """(area, centroid, second moment about z = 0) of outline and cavity, full width."""
+    def __init__(self, young_pa: float, poisson: float) -> None:
+        length, shear_pa = 2 * HALF_LENGTH_M, young_pa / (2 * (1 + poisson))
+        # Area, centroid and second moment about z = 0 of outline and cavity, full width.
         pieces = ((2 * Y[-1], Z[0], Z[-1]), (2 * Y[1], Z[1], Z[2]))
-        return tuple((b * (h - g), (g + h) / 2, b * (h**3 - g**3) / 3) for b, g, h in pieces)
-
-    @property
-    def centroid_m(self) -> float:
-        """z_e of the solid section."""
-        (A, z, _), (a, c, _) = self._parts
-        return (A * z - a * c) / (A - a)
-
-    @property
-    def stiffness_n_m(self) -> float:
-        """−∂τ/∂u of the module: E I / l."""
-        (A, _, outer), (a, _, inner) = self._parts
-        second = outer - inner - (A - a) * self.centroid_m**2
-        return self.young_pa * second / (2 * HALF_LENGTH_M)
-
-    @property
-    def gain_m3(self) -> float:
-        """∂τ/∂p = (1 − 2ν) A_c (z_c − z_e)."""
-        _, (a, c, _) = self._parts
-        return (1 - 2 * self.poisson) * a * (c - self.centroid_m)
-
-    @property
-    def side_stiffness_n_m(self) -> float:
-        """−∂τ_z/∂u_z of the module: E I_z / l, the section being symmetric about y = 0."""
+        (A, z, outer), (a, c, inner) = (
+            (b * (h - g), (g + h) / 2, b * (h**3 - g**3) / 3) for b, g, h in pieces
+        )
+        self.centroid_m = (A * z - a * c) / (A - a)
+        self.stiffness_n_m = young_pa * (outer - inner - (A - a) * self.centroid_m**2) / length
+        self.gain_m3 = (1 - 2 * poisson) * a * (c - self.centroid_m)
         outer, inner = (h * (2 * b) ** 3 / 12 for b, h in ((Y[-1], Z[-1]), (Y[1], Z[2] - Z[1])))
-        return self.young_pa * (outer - inner) / (2 * HALF_LENGTH_M)
-
-    @property
-    def twist_bounds_n_m(self) -> tuple[float, float]:
-        """Bounds of −∂τ_x/∂u_x: G/l times Bredt's closed tube on the walls' mid-lines, and I_y + I_z (no warping)."""
-        shear = self.young_pa / (2 * (1 + self.poisson))
+        self.side_stiffness_n_m = young_pa * (outer - inner) / length
         side, floor, roof = Y[-1] - Y[1], Z[1] - Z[0], Z[-1] - Z[2]
         width, height = Y[1] + Y[-1], Z[-1] - roof / 2 - floor / 2
         bredt = 4 * (width * height) ** 2 / (2 * height / side + width / floor + width / roof)
-        return shear * bredt / (2 * HALF_LENGTH_M), (self.stiffness_n_m + self.side_stiffness_n_m) * (
-            shear / self.young_pa
-        )
-
-    @property
-    def axial_stiffness_n_m(self) -> float:
-        """−∂F/∂(extension) of the module as a prismatic joint: E A / l, in N/m."""
-        (A, _, _), (a, _, _) = self._parts
-        return self.young_pa * (A - a) / (2 * HALF_LENGTH_M)
-
-    @property
-    def thrust_m2(self) -> float:
-        """∂F/∂p of the module as a prismatic joint: (1 − 2ν) A_c."""
-        return (1 - 2 * self.poisson) * self._parts[1][0]
+        stiff = (self.stiffness_n_m + self.side_stiffness_n_m) * (shear_pa / young_pa)
+        self.twist_bounds_n_m = shear_pa * bredt / length, stiff
+        self.axial_stiffness_n_m = young_pa * (A - a) / length
+        self.thrust_m2 = (1 - 2 * poisson) * a
 
 
 @dataclass(frozen=True)

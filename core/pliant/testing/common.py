@@ -25,7 +25,7 @@ from pliant.interfaces.viewer import Viewer
 from pliant.registry.component import CONFIG_BASES
 from pliant.registry.discovery import discover
 from pliant.registry.files import FILE_MODULE
-from pliant.testing.suite import Finding, Subject, require, require_refused
+from pliant.testing import Finding, Subject, require, require_refused
 from pliant.units import UNIT_SUFFIXES, Quantity
 
 # Interface → the classes of which a component's implementation subclasses one.

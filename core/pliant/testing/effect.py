@@ -16,6 +16,7 @@ from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.rollout import Inputs, Rollout, TaskResult
+from pliant.testing import Finding, Subject, agree, declared, require, require_refused
 from pliant.testing.effect_bench import (
     ANGLES,
     PRESSURES,
@@ -36,7 +37,6 @@ from pliant.testing.effect_bench import (
 from pliant.testing.joint_laws import require_exact_slopes, require_potential
 from pliant.testing.samples import PRESSURE_PA
 from pliant.testing.stand_ins import StandIn, StandInConfig
-from pliant.testing.suite import Finding, Subject, agree, declared, require, require_refused
 from pliant.units import UnitError, parse_quantity
 
 PLACES = get_args(Place)

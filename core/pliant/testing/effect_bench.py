@@ -17,9 +17,9 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.registry.discovery import discover
+from pliant.testing import CheckSkipped, Subject, once
 from pliant.testing.histories import Motion, drive, first_joint, triangles
 from pliant.testing.samples import PRESSURE_PA, chain_numbers, sample_chain, softening_law
-from pliant.testing.suite import CheckSkipped, Subject, once
 
 PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
 ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])
@@ -163,8 +163,8 @@ def run_readings(model: Model, path: Array, history: History) -> Readings:
     geometry = ChainGeometry.of(model.chain)
     tip = trajectory(geometry, path, base_rotations(geometry.base_rotation, history.base_angles_rad))[:, -1]
     readings: dict[str, Any] = {} if history.time_s is None else {"time_s": history.time_s}
-    readings |= {"actuation": sum(history.actuation[actuator.input] for actuator in model.chain.actuators)}
-    readings |= {"angle_rad": joints.sum(axis=1)}
+    pressed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
+    readings |= {"actuation": pressed, "angle_rad": joints.sum(axis=1)}
     readings |= {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
     readings |= {f"tip_{axis}_m": tip[:, k] for k, axis in enumerate("xyz")}
     return model.reported(readings)

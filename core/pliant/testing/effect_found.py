@@ -27,9 +27,9 @@ from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 from pliant.registry.discovery import Registry, discover
 from pliant.store.store import ArtifactStore
+from pliant.testing import CheckSkipped, Subject, once, require
 from pliant.testing.effect_bench import follower, parameters, sample_model
 from pliant.testing.samples import PRESSURE_PA
-from pliant.testing.suite import CheckSkipped, Subject, once, require
 
 PLAIN_RUNS = ("slow_cycles", "fast_cycles", "passive_load_steps")
 GENERAL = ("stiffness", "actuation_gain", "viscoelastic", "friction_hysteresis", "sensor_bias")

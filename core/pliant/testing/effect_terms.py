@@ -18,6 +18,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.term import LawTerm
+from pliant.testing import Subject, agree, require
 from pliant.testing.effect_bench import (
     both_ends,
     follower,
@@ -30,7 +31,6 @@ from pliant.testing.effect_bench import (
 )
 from pliant.testing.histories import Motion, drive, follow_joint, triangles
 from pliant.testing.samples import PRESSURE_PA
-from pliant.testing.suite import Subject, agree, require
 
 # Steps that occur: duplicate times, fast logging, a bench at 10 Hz, a night, a state of its own.
 DURATIONS = (0.0, 1e-9, 0.1, 5e4, math.inf)

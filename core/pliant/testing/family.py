@@ -21,8 +21,8 @@ from pliant.meshing.hexahedra import (
 )
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
+from pliant.testing import Finding, Subject, agree, once, require, require_refused
 from pliant.testing.common import quantity_of
-from pliant.testing.suite import Finding, Subject, agree, once, require, require_refused
 
 # Meshes follow curved walls by quadratic faces; this share of the volume may be lost.
 VOLUME_TOLERANCE = 0.02

@@ -17,6 +17,7 @@ from pliant.interfaces.fem import FEMBackend, ModuleSolver, StateNotConvergedErr
 from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.discovery import discover
+from pliant.testing import CheckSkipped, Subject, agree, once, require, require_refused
 from pliant.testing.box import (
     BoxModule,
     box_problem,
@@ -26,7 +27,6 @@ from pliant.testing.box import (
 )
 from pliant.testing.joint_laws import stored
 from pliant.testing.stand_ins import sample_material
-from pliant.testing.suite import CheckSkipped, Subject, agree, once, require, require_refused
 
 MATERIAL = sample_material()
 BOX = BoxModule(MATERIAL.young_pa, MATERIAL.poisson)

@@ -7,14 +7,14 @@ agree with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from pliant.mechanics.efforts import JointEfforts
-from pliant.mechanics.terms import LawTerms, Memory
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -81,29 +81,21 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
     Histories of one specimen follow each other: `LawTerm`s that keep their memory hand it on.
     """
     efforts = JointEfforts(chain)
+    keeps = np.array([term.keeps for term in efforts.terms.terms for _ in range(term.n_states)], bool)
     kept: dict[str, Array] = {}
     paths = []
     for history in histories:
-        memory = efforts.terms.rested()
+        memory, angles = efforts.terms.rested(), []
         if history.specimen in kept:
-            memory = replace(
-                memory, states=np.where(_keeps(efforts.terms), kept[history.specimen], memory.states)
-            )
-        angles = []
+            memory = replace(memory, states=np.where(keeps, kept[history.specimen], memory.states))
         for k in range(len(history)):
-            slow = k == 0 or history.time_s is None
-            dt = (
-                math.inf
-                if slow or history.time_s is None
-                else float(history.time_s[k] - history.time_s[k - 1])
-            )
-            shares = np.arange(1, RAMP_STEPS + 1) / RAMP_STEPS if k == 0 else np.ones(1)
-            for share in shares:
+            times = history.time_s
+            dt = math.inf if k == 0 or times is None else float(times[k] - times[k - 1])
+            for share in np.arange(1, RAMP_STEPS + 1) / RAMP_STEPS if k == 0 else np.ones(1):
                 memory = replace(memory, dt_s=dt, temperature_c=float(history.temperature_c[k]))
                 inputs = {name: float(share * values[k]) for name, values in history.actuation.items()}
-                opposed = float(share * history.moment_n_m[k])
-                q = np.array([[_balance(efforts, inputs, opposed, memory)]])
-                memory = efforts.advance(q, inputs, memory)
+                angle = _balance(efforts, inputs, float(share * history.moment_n_m[k]), memory)
+                memory = efforts.advance(np.array([[angle]]), inputs, memory)
             angles.append(float(memory.previous[0, 0]))
         kept[history.specimen] = memory.states
         paths.append(np.array(angles))
@@ -111,31 +103,21 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
 
 
 def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: Memory) -> float:
-    """The angle nearest to the present one at which the effort is the opposing moment."""
+    """The angle nearest to the present one at which the effort, which falls with the angle, is the opposing moment."""
 
     def unbalanced(angle: float) -> float:
         return float(efforts.evaluate(np.array([[angle]]), inputs, memory).tau[0, 0]) - opposed
 
-    low, high = _bracket(unbalanced, float(memory.previous[0, 0]))
-    return low if low == high else float(brentq(unbalanced, low, high, xtol=1e-13, rtol=1e-14))
-
-
-def _bracket(function: Callable[[float], float], start: float) -> tuple[float, float]:
-    """An interval from `start` on in which a falling function changes its sign."""
-    value = function(start)
+    start, width = float(memory.previous[0, 0]), 0.01
+    value = unbalanced(start)
     if value == 0.0:
-        return start, start
-    direction, width = math.copysign(1.0, value), 0.01
+        return start
     while width < WIDEST_RAD:
-        end = start + direction * width
-        if function(end) * value <= 0.0:
-            return (start, end) if start < end else (end, start)
+        end = start + math.copysign(width, value)
+        if unbalanced(end) * value <= 0.0:
+            return float(brentq(unbalanced, min(start, end), max(start, end), xtol=1e-13, rtol=1e-14))
         width *= 2.0
     raise ValueError(f"no equilibrium within {WIDEST_RAD:.3g} rad of {start:.3g} rad")
-
-
-def _keeps(terms: LawTerms) -> Array:
-    return np.array([term.keeps for term in terms.terms for _ in range(term.n_states)], bool)
 
 
 def first_joint(chain: ChainModel) -> ChainModel:

@@ -11,7 +11,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
-from pliant.testing.suite import agree, require
+from pliant.testing import agree, require
 
 T = TypeVar("T")
 EFFORTS = ("tau", "dtau_dp", "dtau_du")

@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
-from pliant.testing.suite import Subject, agree, require
+from pliant.testing import Subject, agree, require
 
 STEP = 1e-6
 GRADIENT_TOLERANCE = 1e-6

@@ -15,6 +15,7 @@ from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, ModuleData
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns
+from pliant.testing import CheckSkipped, Subject, agree, once, require, require_refused
 from pliant.testing.joint_laws import (
     require_exact_slopes,
     require_finite_outside,
@@ -36,7 +37,6 @@ from pliant.testing.solved_samples import (
     spherical_sample_law,
     unseen_designs,
 )
-from pliant.testing.suite import CheckSkipped, Subject, agree, once, require, require_refused
 
 # Worst error on designs left out, as a share of the effort's range over all of them.
 WORST_OF_RANGE = 0.03

@@ -76,16 +76,10 @@ class StandInLaws(DesignLaws):
         return gains
 
     def record(self) -> LawRecord:
-        values: dict[str, Any] = {
-            "names": list(self.names),
-            "fixed": dict(self.fixed),
-            "top": self.top,
-            "joint": self.joint,
-            "axes": list(self.axes),
-            "actuation_name": self.actuation_name,
-        }
-        arrays = {"box": self.box, "terms": self.terms, "boxes": self.boxes, "spread": self.spread}
-        return LawRecord("stand_in", values, arrays)
+        arrays = {name: getattr(self, name) for name in ("box", "terms", "boxes", "spread")}
+        values = {name: value for name, value in vars(self).items() if name not in arrays}
+        lists = {"names": list(self.names), "axes": list(self.axes), "fixed": dict(self.fixed)}
+        return LawRecord("stand_in", {**values, **lists}, arrays)
 
 
 def design_columns(box: Array, values: Array) -> Array:
@@ -139,16 +133,5 @@ class StandInMetaModel(MetaModel):
         return FittedMetaModel(laws, {"designs": len(designs)})
 
     def load(self, record: LawRecord) -> DesignLaws:
-        v, a = record.values, record.arrays
-        return StandInLaws(
-            tuple(v["names"]),
-            a["box"],
-            dict(v["fixed"]),
-            a["terms"],
-            a["boxes"],
-            a["spread"],
-            float(v["top"]),
-            v["joint"],
-            tuple(v["axes"]),
-            v["actuation_name"],
-        )
+        values: dict[str, Any] = {**record.values, **record.arrays}
+        return StandInLaws(**values | {name: tuple(values[name]) for name in ("names", "axes")})

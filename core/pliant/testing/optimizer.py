@@ -21,7 +21,7 @@ from pliant.interfaces.optimizer import (
     Variable,
 )
 from pliant.records.design import Array
-from pliant.testing.suite import CheckSkipped, Finding, Subject, require
+from pliant.testing import CheckSkipped, Finding, Subject, require
 
 MIXED = Space(
     (

@@ -14,6 +14,7 @@ from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Equilibrium, Inputs, PointForce
+from pliant.testing import CheckSkipped, Subject, agree, declared, once, require, require_refused
 from pliant.testing.samples import (
     MODULE_LENGTH_M,
     MODULE_MASS_KG,
@@ -25,7 +26,6 @@ from pliant.testing.samples import (
     sample_chain,
     softening_law,
 )
-from pliant.testing.suite import CheckSkipped, Subject, agree, declared, once, require, require_refused
 
 KINDS = ("revolute", "spherical", "prismatic")
 # The bar of every engine: engines agree within 0.01 mm.

@@ -15,6 +15,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
+from pliant.testing import Subject, agree, require, require_refused
 from pliant.testing.physics import (
     ANGLE_RAD,
     NO_GRAVITY,
@@ -26,7 +27,6 @@ from pliant.testing.physics import (
     settled_under,
 )
 from pliant.testing.samples import PRESSURE_PA, chain_numbers, linear_law, sample_chain
-from pliant.testing.suite import Subject, agree, require, require_refused
 
 DIFFERENCE = 1e-3
 SLOPE_SHARE = 2e-3
@@ -35,28 +35,14 @@ RETARDATION_S, STEP_S = 0.5, 0.01
 
 
 def dashpot(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    c: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     """M = −c u'."""
     return -c[0] * rate
 
 
 def _softening(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    c: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     """A joint that is softer once it has been bent."""
     new[0] = max(old[0], angle)

@@ -11,6 +11,7 @@ from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
+from pliant.testing import Subject, agree, once, require
 from pliant.testing.physics import needs
 from pliant.testing.samples import (
     NO_GRAVITY_M_S2,
@@ -25,7 +26,6 @@ from pliant.testing.samples import (
     scene_numbers,
 )
 from pliant.testing.stand_ins import StandInSimulation
-from pliant.testing.suite import Subject, agree, once, require
 
 G = 9.81
 WEIGHT_N = np.array([0.0, 0.0, OBJECT_KG * G])

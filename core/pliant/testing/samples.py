@@ -125,12 +125,11 @@ def sample_chain(
 
 def table_of(law: JointLaw, noise_n_m: float = 0.0, pressures: int = 6, angles: int = 7) -> FemDataset:
     """FEM-like states of a one-axis law: a grid of role "fit" and ten scattered states of role "check"."""
-    p, u = np.meshgrid(np.linspace(0, PRESSURE_PA, pressures), np.linspace(-0.2, 0.45, angles), indexing="ij")
+    grid = np.meshgrid(np.linspace(0, PRESSURE_PA, pressures), np.linspace(-0.2, 0.45, angles), indexing="ij")
     random = np.random.default_rng(7)
-    p = np.concatenate([p.ravel(), PRESSURE_PA * random.random(10)])
-    u = np.concatenate([u.ravel(), -0.2 + 0.65 * random.random(10)])
-    effort = law.evaluate(p, u[:, None])
-    n = len(p)
+    p = np.concatenate([grid[0].ravel(), PRESSURE_PA * random.random(10)])
+    u = np.concatenate([grid[1].ravel(), -0.2 + 0.65 * random.random(10)])
+    effort, n = law.evaluate(p, u[:, None]), len(p)
     return FemDataset(
         design=Design("sample", {}),
         axis=law.axes[0],

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
@@ -124,12 +124,8 @@ def _states_of_one_axis() -> list[_Plan]:
 
 def _states_of_three_axes() -> list[_Plan]:
     random = np.random.default_rng(8)
-    lateral: list[_Plan] = [
-        (s, {axis: v}, axis, "constrained", "fit")
-        for axis in "xz"
-        for s in (0.0, 0.5, 1.0)
-        for v in (0.0, 0.25, 1.0)
-    ]
+    grid = product("xz", (0.0, 0.5, 1.0), (0.0, 0.25, 1.0))
+    lateral: list[_Plan] = [(s, {axis: v}, axis, "constrained", "fit") for axis, s, v in grid]
     whole: list[_Plan] = [
         (float(s), dict(zip("xyz", map(float, v), strict=True)), "coupling", "constrained", role)
         for role, count in (("fit", 14), ("check", 6))
@@ -146,9 +142,10 @@ def _solved(
 
 
 def _data(values: Array, law: JointLaw, plan: list[_Plan]) -> ModuleData:
-    p = np.array([share * PRESSURE_PA for share, *_ in plan])
+    pressed, angles, explored, branch, role = zip(*plan, strict=True)
+    p = np.array(pressed) * PRESSURE_PA
     low, high = law.domain.deformation.T
-    shares = np.array([[angles.get(axis, np.nan) for axis in law.axes] for _, angles, *_ in plan])
+    shares = np.array([[of.get(axis, np.nan) for axis in law.axes] for of in angles])
     u = held(law, p, low + shares * (high - low))
     effort = law.evaluate(p, u)
     n = len(p)
@@ -168,12 +165,8 @@ def _data(values: Array, law: JointLaw, plan: list[_Plan]) -> ModuleData:
         travel=np.full(n, np.nan),
         iterations=np.full(n, 4),
         wall_s=np.full(n, 0.3),
-        explored=_texts(plan, 2),
-        branch=_texts(plan, 3),
+        explored=np.array(explored),
+        branch=np.array(branch),
         status=np.full(n, "ok"),
-        role=_texts(plan, 4),
+        role=np.array(role),
     )
-
-
-def _texts(plan: list[_Plan], column: int) -> NDArray[np.str_]:
-    return np.array([row[column] for row in plan])

@@ -10,6 +10,7 @@ from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
+from pliant.testing import CheckSkipped, Subject, agree, once, require, require_refused
 from pliant.testing.joint_laws import (
     require_exact_slopes,
     require_finite_outside,
@@ -19,7 +20,6 @@ from pliant.testing.joint_laws import (
     stored,
 )
 from pliant.testing.samples import coupled_law, linear_law, module_table_of, softening_law, table_of
-from pliant.testing.suite import CheckSkipped, Subject, agree, once, require, require_refused
 
 # States of a law with curvature and a little scatter, so that no form fits them exactly, and points inside their box.
 DATA = table_of(softening_law(), noise_n_m=2e-5)

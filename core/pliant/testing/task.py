@@ -16,9 +16,9 @@ from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene
 from pliant.records.shape import Shape
 from pliant.store.codec import encode
+from pliant.testing import CheckSkipped, Finding, Subject, agree, once, require
 from pliant.testing.samples import chain_numbers, linear_law, sample_chain
 from pliant.testing.stand_ins import StandInScene, StandInSimulation
-from pliant.testing.suite import CheckSkipped, Finding, Subject, agree, once, require
 
 UNITS = r"m|rad|n|n_m|pa|s|j|kg|w|c|hz|k|m_s|rad_s|m_s2|n_m_rad|n_per_m"
 # Numbers that have no unit say what they are instead.

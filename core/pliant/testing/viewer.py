@@ -7,8 +7,8 @@ import numpy as np
 from pliant.interfaces.viewer import Picture, Viewer
 from pliant.records.motion import Motion
 from pliant.records.scene import Arm, Scene, SceneFrames
+from pliant.testing import Subject, once, require
 from pliant.testing.samples import sample_chain
-from pliant.testing.suite import Subject, once, require
 
 SIZE = (96, 64)
 BENDS_RAD = (0.0, 0.5, 0.0)

@@ -10,9 +10,9 @@ model).
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.history import History
 from pliant.units import Ratio
 
@@ -21,28 +21,23 @@ class ActuationGainConfig(EffectConfig):
     """g, acting / commanded actuation."""
 
     kind: Literal["actuation_gain"] = "actuation_gain"
-    gain: Ratio = parameter(
-        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2), description="true actuation / nominal"
-    )
+    gain: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2))
+    """true actuation / nominal"""
 
 
 class ActuationGain(Effect):
     """Scales every actuation before it reaches the chain."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the error grows in proportion to the pressure and is gone at zero pressure, whatever the "
-            "load; up and down, fast and slow are alike."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="the error grows in proportion to the pressure and is gone at zero pressure, whatever the load; up "
+        "and down, fast and slow are alike.",
         look_alike="stiffness",
         told_apart="a load without pressure: a gain is silent there, a stiffness is not.",
-        excited_by=(
-            "step the pressure through its whole range without load, then hang a load at zero pressure."
-        ),
+        excited_by="step the pressure through its whole range without load, then hang a load at zero pressure.",
         where="every family, pressures and tendon forces alike, and every engine.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps", "blocked")
+    exciting = ("slow_cycles", "passive_load_steps", "blocked")
     config: ActuationGainConfig
 
     def apply(self, model: Model) -> Model:

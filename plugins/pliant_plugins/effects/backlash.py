@@ -12,71 +12,50 @@ markers and its efforts stay as they are.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import (
-    Effect,
-    EffectConfig,
-    EffectNotes,
-    Model,
-    Place,
-    Readings,
-    parameter,
-)
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.units import Angle
 from pliant_plugins.effects.angles import with_recorded_angles
 
 
 class BacklashConfig(EffectConfig):
-    """w."""
+    """Width w of the play."""
 
     kind: Literal["backlash"] = "backlash"
-    play_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.5),
-        plausible=(0.005, 0.1),
-        description="clearance between joint and sensor, whole width",
-    )
+    play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    """clearance between joint and sensor, whole width"""
 
 
 class Backlash(Effect):
     """Drags every recorded angle behind the joint's by half a clearance."""
 
-    place: ClassVar[Place] = "output"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "after every reversal the reading stands still until the joint has turned by the clearance, then follows "
-            "with the model's slope; the loop is as wide at any rate, pressure and load, and positions have none."
-        ),
+    place = "output"
+    notes = EffectNotes(
+        signature="after every reversal the reading stands still until the joint has turned by the clearance, then "
+        "follows with the model's slope; the loop is as wide at any rate, pressure and load, and positions have "
+        "none.",
         look_alike="friction_hysteresis",
-        told_apart=(
-            "positions: friction holds the chain itself back, a play only its reading. By angles alone: the loop of a "
-            "play is as wide where the joint is stiff as where it is soft, friction's narrows as the joint stiffens."
-        ),
-        excited_by=(
-            "cycle the pressure in loops of different size, and loads at constant pressure, and film the tip beside "
-            "the angle."
-        ),
-        where=(
-            "joints whose angle a gear, a cable or a shaft transmits to a sensor, as on tendon fingers; not cameras or "
-            "strain gauges. Every engine that follows histories, for it acts on readings only."
-        ),
+        told_apart="positions: friction holds the chain itself back, a play only its reading. By angles alone: the "
+        "loop of a play is as wide where the joint is stiff as where it is soft, friction's narrows as the joint "
+        "stiffens.",
+        excited_by="cycle the pressure in loops of different size, and loads at constant pressure, and film the tip "
+        "beside the angle.",
+        where="joints whose angle a gear, a cable or a shaft transmits to a sensor, as on tendon fingers; not "
+        "cameras or strain gauges. Every engine that follows histories, for it acts on readings only.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("small_loops", "load_steps", "second_sensor")
+    exciting = ("small_loops", "load_steps", "second_sensor")
     config: BacklashConfig
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; where no angle is recorded it changes nothing."""
-        return model.with_output(partial(_dragged, self.config.play_rad / 2))
-
-
-def _dragged(half: float, readings: Readings) -> Readings:
-    if half == 0.0:
-        return readings
-    return with_recorded_angles(readings, partial(played, half))
+        half = self.config.play_rad / 2
+        if half == 0.0:
+            return model
+        return model.with_output(partial(with_recorded_angles, change=partial(played, half)))
 
 
 def played(half: float, angle: Array) -> Array:

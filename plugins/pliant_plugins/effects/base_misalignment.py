@@ -11,56 +11,42 @@ Manipulator Calibration, 1991.)
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.rotations import exp_map
 from pliant.units import Angle
 
 
 class BaseMisalignmentConfig(EffectConfig):
-    """θ_y and θ_x."""
+    """Turns θ_y (pitch) and θ_x (roll) of the mount."""
 
     kind: Literal["base_misalignment"] = "base_misalignment"
-    pitch_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
-        description="tilt about world y, in the bending plane",
-    )
-    roll_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
-        description="tilt about world x, out of the bending plane",
-    )
+    pitch_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    """tilt about world y, in the bending plane"""
+    roll_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    """tilt about world x, out of the bending plane"""
 
 
 class BaseMisalignment(Effect):
     """Tilts the base of the chain."""
 
-    place: ClassVar[Place] = "chain"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "all positions are turned about the base by one angle, at rest too, the tip by the length times the angle. "
-            "Angles are off only as far as gravity bends the chain, as they are with the base turned by the tilt."
-        ),
+    place = "chain"
+    notes = EffectNotes(
+        signature="all positions are turned about the base by one angle, at rest too, the tip by the length times "
+        "the angle. Angles are off only as far as gravity bends the chain, as they are with the base turned by the "
+        "tilt.",
         look_alike="gravity_scale",
-        told_apart=(
-            "with the base hanging a wrong weight bends nothing, and the error of a tilt is largest there; with the "
-            "base level it is the other way round. A tilt moves the tip of an unloaded chain, a weight does not."
-        ),
-        excited_by=(
-            "film the tip at rest and in a cycle of pressure with the base hanging, then level and turned over."
-        ),
-        where=(
-            "every family and every engine; read by angles alone it needs a chain that its weight bends, and a tilt "
-            "out of the bending plane hardly shows there."
-        ),
+        told_apart="with the base hanging a wrong weight bends nothing, and the error of a tilt is largest there; "
+        "with the base level it is the other way round. A tilt moves the tip of an unloaded chain, a weight does "
+        "not.",
+        excited_by="film the tip at rest and in a cycle of pressure with the base hanging, then level and turned over.",
+        where="every family and every engine; read by angles alone it needs a chain that its weight bends, and a "
+        "tilt out of the bending plane hardly shows there.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "level", "upside_down")
+    exciting = ("second_sensor", "level", "upside_down")
     config: BaseMisalignmentConfig
 
     def apply(self, model: Model) -> Model:

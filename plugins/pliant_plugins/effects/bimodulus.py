@@ -11,52 +11,40 @@ never exceeds 1.09, so that a law that is linear stays stable for every |b| ≤ 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
 
 
 class BimodulusConfig(EffectConfig):
-    """b and w."""
+    """Asymmetry b of the elastic effort and width w of its transition."""
 
     kind: Literal["bimodulus"] = "bimodulus"
-    asymmetry: Ratio = parameter(
-        neutral=0.0,
-        bounds=(-0.9, 0.9),
-        plausible=(-0.3, 0.3),
-        description="(stiffness toward actuation − stiffness away from it) / their sum",
-    )
-    width_rad: Angle = Field(
-        default=0.02,
-        gt=0.0,
-        le=0.5,
-        description="angle over which one stiffness becomes the other, per joint",
-    )
+    asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3))
+    """(stiffness toward actuation − stiffness away from it) / their sum"""
+    width_rad: Angle = Field(default=0.02, gt=0.0, le=0.5)
+    """angle over which one stiffness becomes the other, per joint"""
 
 
 class Bimodulus(Effect):
     """Scales the elastic part up on one side and down on the other."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "under loads without pressure the angle is too small one way and too large the other; there is a kink in "
-            "the curve of angle over load at the straight joint, the same at every rate."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="under loads without pressure the angle is too small one way and too large the other; there is a "
+        "kink in the curve of angle over load at the straight joint, the same at every rate.",
         look_alike="stiffness",
-        told_apart=(
-            "load steps of both signs without pressure: a stiffness is off by the same factor both ways, a bimodulus "
-            "by opposite ones."
-        ),
+        told_apart="load steps of both signs without pressure: a stiffness is off by the same factor both ways, a "
+        "bimodulus by opposite ones.",
         excited_by="vent the chamber and hang the same loads on either side of the joint, one after the other.",
         where="every family and engine; opposed chambers too, one side then being the softer.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "load_steps", "upside_down")
+    exciting = ("passive_load_steps", "load_steps", "upside_down")
     config: BimodulusConfig
 
     def apply(self, model: Model) -> Model:
@@ -65,13 +53,6 @@ class Bimodulus(Effect):
 
 
 def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    return 1.0 + parameters[0] * angle / math.sqrt(angle * angle + parameters[1] * parameters[1])
+    return 1.0 + c[0] * angle / math.sqrt(angle * angle + c[1] * c[1])

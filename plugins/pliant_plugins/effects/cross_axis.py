@@ -13,12 +13,12 @@ Without gravity a chain of equal joints in one plane is turned as a whole: by α
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Ring
 from pliant.records.design import Array
@@ -26,40 +26,29 @@ from pliant.units import Angle
 
 
 class CrossAxisConfig(EffectConfig):
-    """α."""
+    """Turn α of the bending axis about the chain."""
 
     kind: Literal["cross_axis"] = "cross_axis"
-    turn_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-1.5, 1.5),
-        plausible=(-0.2, 0.2),
-        description="turn of the bending axis about the chain axis",
-    )
+    turn_rad: Angle = parameter(neutral=0.0, bounds=(-1.5, 1.5), plausible=(-0.2, 0.2))
+    """turn of the bending axis about the chain axis"""
 
 
 class CrossAxis(Effect):
     """Turns the axes of every joint about the chain axis."""
 
-    place: ClassVar[Place] = "chain"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what is "
-            "missing within the plane is of second order. At rest positions are right, and so are angles."
-        ),
+    place = "chain"
+    notes = EffectNotes(
+        signature="under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what "
+        "is missing within the plane is of second order. At rest positions are right, and so are angles.",
         look_alike="base_misalignment",
-        told_apart=(
-            "a tilted or turned base moves the tip of the unloaded chain too and shows in angles when gravity acts; a "
-            "turned axis shows only as the chain bends."
-        ),
-        excited_by=(
-            "film the tip from two sides in a cycle of pressure; then roll the base by 90° and repeat it under gravity."
-        ),
-        where=(
-            "hinge and ball joints of every family, every engine; positions across the plane must be measured, for "
-            "angles show it only where a load or a weight acts across the plane."
-        ),
+        told_apart="a tilted or turned base moves the tip of the unloaded chain too and shows in angles when gravity "
+        "acts; a turned axis shows only as the chain bends.",
+        excited_by="film the tip from two sides in a cycle of pressure; then roll the base by 90° and repeat it "
+        "under gravity.",
+        where="hinge and ball joints of every family, every engine; positions across the plane must be measured, for "
+        "angles show it only where a load or a weight acts across the plane.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "sideways")
+    exciting = ("second_sensor", "sideways")
     config: CrossAxisConfig
 
     def apply(self, model: Model) -> Model:

@@ -10,13 +10,12 @@ Tendon forces are left alone.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
-from pliant.records.history import History
 from pliant.units import Pressure
 from pliant_plugins.effects.pressures import needs_pressure, with_pressures
 
@@ -25,42 +24,31 @@ class DeadZoneConfig(EffectConfig):
     """p₀, the pressure that is lost before anything moves."""
 
     kind: Literal["dead_zone"] = "dead_zone"
-    threshold_pa: Pressure = parameter(
-        neutral=0.0,
-        bounds=(0.0, 1e5),
-        plausible=(100.0, 2e3),
-        description="pressure that is lost before anything moves",
-    )
+    threshold_pa: Pressure = parameter(neutral=0.0, bounds=(0.0, 1e5), plausible=(100.0, 2e3))
+    """pressure that is lost before anything moves"""
 
 
 class DeadZone(Effect):
     """Takes a threshold off every pressure before it reaches the chain."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "nothing moves at the smallest pressures, and above the threshold the angle lags behind by "
-            "the same pressure; up and down are alike."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="nothing moves at the smallest pressures, and above the threshold the angle lags behind by the "
+        "same pressure; up and down are alike.",
         look_alike="pressure_offset",
         told_apart="at zero pressure a dead zone is silent; an offset bends the joint there.",
-        excited_by=(
-            "raise the pressure from zero in small steps through the lowest tenth of the range, and lower "
-            "it again."
-        ),
+        excited_by="raise the pressure from zero in small steps through the lowest tenth of the range, and lower it "
+        "again.",
         where="families that a pressure drives, every engine; it needs samples at the lowest pressures.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "vented_zero", "blocked")
+    exciting = ("slow_cycles", "vented_zero", "blocked")
     config: DeadZoneConfig
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
-        return model.with_input(partial(_above, self.config.threshold_pa))
+        return model.with_input(partial(with_pressures, change=partial(_above, self.config.threshold_pa)))
 
 
-def _above(threshold: float, history: History) -> History:
-    def passed(pressure: Array) -> Array:
-        return np.asarray(np.sign(pressure) * np.maximum(np.abs(pressure) - threshold, 0.0))
-
-    return with_pressures(history, passed)
+def _above(threshold: float, pressure: Array) -> Array:
+    return np.asarray(np.sign(pressure) * np.maximum(np.abs(pressure) - threshold, 0.0))

@@ -7,73 +7,88 @@ keeps its section round, which the wall beside it has to leave in order to bend,
 (end effects in tubes: Brazier, Proc. R. Soc. A 116, 1927; Whatham, J. Pressure Vessel Technol. 108, 1986). The share
 s of the module is left: it turns by s times the angle under the same moment. The compliance c is that of the mount:
 what a moment or a force at the end tilts beside the module; it is stated as c k₀, k₀ the stiffness at rest. Both are
-exact law changes (`short_law.py`, `series_law.py`). Pieces and joints stay where they are. Full FEM of bending
+exact law changes (`ShortLaw`, `series_law.py`). Pieces and joints stay where they are. Full FEM of bending
 modules: s = 0.99 and c k₀ = 0.1 at the clamp, 0.64 and 1.9 at the cap (docs/chain_of_modules.md).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.law_around import LawAround
 from pliant.records.chain import Joint
-from pliant.records.law import JointLaw
+from pliant.records.design import Array
+from pliant.records.law import Domain, Effort, JointLaw
 from pliant.units import Ratio
 from pliant_plugins.effects.scale import rest_stiffness
 from pliant_plugins.effects.series_law import SeriesLaw
-from pliant_plugins.effects.short_law import ShortLaw
+
+
+@dataclass(frozen=True, eq=False)
+class ShortLaw(LawAround):
+    """τ'(p, u) = τ(p, u/s), Π'(p, u) = s Π(p, u/s): the share s of a module bends as the whole of it would.
+
+    Attributes:
+        law: the whole module's.
+        share: s > 0.
+    """
+
+    share: float
+
+    @property
+    def domain(self) -> Domain:  # type: ignore[override]
+        return Domain(self.law.domain.actuation, self.share * self.law.domain.deformation)
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """As the law's, shapes (n, a), (n, a), (n, a, a)."""
+        effort = self.law.evaluate(actuation, deformation / self.share)
+        return Effort(effort.tau, effort.dtau_dp, effort.dtau_du / self.share)
+
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        """Π' (n,) in J."""
+        return self.share * self.law.potential(actuation, deformation / self.share)
+
+    def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
+        """The law's band at u/s."""
+        return self.law.band(actuation, deformation / self.share, level)
+
+    def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
+        """The law's draws, shortened."""
+        return tuple(ShortLaw(law, self.share) for law in self.law.draws(count, seed))
 
 
 class EndRestraintConfig(EffectConfig):
     """s and c k₀ at both ends."""
 
     kind: Literal["end_restraint"] = "end_restraint"
-    base_share: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.2, 1.5),
-        plausible=(0.5, 1.0),
-        description="share of the first module that bends",
-    )
-    cap_share: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.2, 1.5),
-        plausible=(0.5, 1.0),
-        description="share of the last module that bends",
-    )
-    base_give: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 10.0),
-        plausible=(0.0, 2.0),
-        description="compliance of the clamp x stiffness at rest",
-    )
-    cap_give: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 10.0),
-        plausible=(0.0, 2.0),
-        description="compliance of the cap's mount x stiffness at rest",
-    )
+    base_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0))
+    """share of the first module that bends"""
+    cap_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0))
+    """share of the last module that bends"""
+    base_give: Ratio = parameter(neutral=0.0, bounds=(0.0, 10.0), plausible=(0.0, 2.0))
+    """compliance of the clamp x stiffness at rest"""
+    cap_give: Ratio = parameter(neutral=0.0, bounds=(0.0, 10.0), plausible=(0.0, 2.0))
+    """compliance of the cap's mount x stiffness at rest"""
 
 
 class EndRestraint(Effect):
     """Shortens what bends at both ends of the chain, and puts springs there."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the joints at the clamp and at the cap bend too little by the same share at every pressure and load, "
-            "those between them are right; the tip's turn is off by a constant, however many modules there are."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the joints at the clamp and at the cap bend too little by the same share at every pressure and "
+        "load, those between them are right; the tip's turn is off by a constant, however many modules there are.",
         look_alike="stiffness",
         told_apart="read every joint's angle: a stiffness is wrong in all of them, held ends at the ends alone.",
-        excited_by=(
-            "film a marker on every module through a slow pressure sweep, without a load and with loads either way."
-        ),
+        excited_by="film a marker on every module through a slow pressure sweep, without a load and with loads "
+        "either way.",
         where="chains of two joints or more of every family; every engine, in those that compile laws a slower way.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps")
+    exciting = ("second_sensor", "passive_load_steps")
     config: EndRestraintConfig
 
     def apply(self, model: Model) -> Model:

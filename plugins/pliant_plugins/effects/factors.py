@@ -6,14 +6,7 @@ from pliant.records.design import Array
 
 
 def constant_factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    """`parameters[0]`, whatever the joint does: a function of `LawTerm` without state."""
-    return parameters[0]
+    """`c[0]`, whatever the joint does: a function of `LawTerm` without state."""
+    return c[0]

@@ -12,9 +12,9 @@ The element needs the angle only, not the time, so it acts on states that are re
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle
@@ -22,49 +22,32 @@ from pliant_plugins.effects.scale import rest_stiffness
 
 
 class FrictionHysteresisConfig(EffectConfig):
-    """w and δ."""
+    """Half width w of the loop as an angle, and the distance δ over which friction builds up."""
 
     kind: Literal["friction_hysteresis"] = "friction_hysteresis"
-    half_width_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.5),
-        plausible=(0.005, 0.1),
-        description="friction moment / stiffness at rest, per joint",
-    )
+    half_width_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    """friction moment / stiffness at rest, per joint"""
     break_away_rad: Angle = parameter(
-        neutral=0.01,
-        bounds=(0.002, 0.05),
-        plausible=(0.003, 0.03),
-        role="shape",
-        prior="log_normal",
-        description="angle after which a joint slips",
+        neutral=0.01, bounds=(0.002, 0.05), plausible=(0.003, 0.03), role="shape", prior="log_normal"
     )
+    """angle after which a joint slips"""
 
 
 class FrictionHysteresis(Effect):
     """Adds an elastoplastic element to every joint."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "loading and unloading run apart by the same width at every rate; after a reversal the joint "
-            "first stands nearly still; in a hold nothing drifts, and the joint does not return to where "
-            "it began."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="loading and unloading run apart by the same width at every rate; after a reversal the joint first "
+        "stands nearly still; in a hold nothing drifts, and the joint does not return to where it began.",
         look_alike="viscoelastic",
-        told_apart=(
-            "the loop of friction is as wide in a slow run as in a fast one and does not close in a hold."
-        ),
-        excited_by=(
-            "cycle the pressure up and down, with small loops inside the large one, at two rates a factor "
-            "of ten apart."
-        ),
-        where=(
-            "folds, fibres and sleeves that rub; recordings with or without a clock, in engines that follow "
-            "histories: `quasistatic` and `mujoco`."
-        ),
+        told_apart="the loop of friction is as wide in a slow run as in a fast one and does not close in a hold.",
+        excited_by="cycle the pressure up and down, with small loops inside the large one, at two rates a factor of "
+        "ten apart.",
+        where="folds, fibres and sleeves that rub; recordings with or without a clock, in engines that follow "
+        "histories: `quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("small_loops", "slow_cycles", "fast_cycles")
+    exciting = ("small_loops", "slow_cycles", "fast_cycles")
     config: FrictionHysteresisConfig
 
     def apply(self, model: Model) -> Model:
@@ -75,17 +58,10 @@ class FrictionHysteresis(Effect):
 
 
 def _moment(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     # Memory: the element's stretch in units of δ, and the angle of the sample before.
-    stretch = old[0] + (angle - old[1]) / parameters[1]
+    stretch = old[0] + (angle - old[1]) / c[1]
     new[0] = min(max(stretch, -1.0), 1.0)
     new[1] = angle
-    return -parameters[0] * new[0]
+    return -c[0] * new[0]

@@ -10,11 +10,11 @@ chain in the plane in which it bends.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.units import Ratio
 from pliant_plugins.effects.scale import main_axis
 
@@ -26,35 +26,26 @@ class GravityScaleConfig(EffectConfig):
     """f, true weight / model's, and a."""
 
     kind: Literal["gravity_scale"] = "gravity_scale"
-    factor: Ratio = parameter(
-        neutral=1.0, bounds=(0.0, 10.0), plausible=(0.8, 1.3), description="true weight / model's"
-    )
-    aside: Ratio = parameter(
-        neutral=0.0,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.03, 0.03),
-        description="centres of mass beside the axis / length of the chain",
-    )
+    factor: Ratio = parameter(neutral=1.0, bounds=(0.0, 10.0), plausible=(0.8, 1.3))
+    """true weight / model's"""
+    aside: Ratio = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.03, 0.03))
+    """centres of mass beside the axis / length of the chain"""
 
 
 class GravityScale(Effect):
     """Scales the gravity of the chain."""
 
-    place: ClassVar[Place] = "chain"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the error changes with the orientation of the base, is largest with the chain held level, "
-            "grows toward the base, and is gone where the chain lies on a table; weights beside the axis "
-            "show where it hangs straight down, too."
-        ),
+    place = "chain"
+    notes = EffectNotes(
+        signature="the error changes with the orientation of the base, is largest with the chain held level, grows "
+        "toward the base, and is gone where the chain lies on a table; weights beside the axis show where it hangs "
+        "straight down, too.",
         look_alike="stiffness",
-        told_apart=(
-            "turn the base by 90° and 180°: the error of a weight turns with it, that of a stiffness stays."
-        ),
+        told_apart="turn the base by 90° and 180°: the error of a weight turns with it, that of a stiffness stays.",
         excited_by="repeat one pressure sweep with the base hanging, level and turned over.",
         where="chains that their weight or payload bends, every engine; a chain on a table does not show it.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("level", "upside_down", "sideways")
+    exciting = ("level", "upside_down", "sideways")
     config: GravityScaleConfig
 
     def apply(self, model: Model) -> Model:

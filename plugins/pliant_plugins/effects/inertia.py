@@ -21,12 +21,12 @@ slowly has v = a = 0. Engines that integrate motion themselves refuse the effect
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.inertia import mass_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -42,42 +42,29 @@ class InertiaConfig(EffectConfig):
     """f, acting / computed inertia, and ζ."""
 
     kind: Literal["inertia"] = "inertia"
-    scale: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 20.0),
-        plausible=(0.3, 2.0),
-        description="inertia that acts / that of the chain's masses",
-    )
+    scale: Ratio = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.3, 2.0))
+    """inertia that acts / that of the chain's masses"""
     damping_ratio: Ratio = parameter(
-        neutral=0.1,
-        bounds=(0.0, 0.5),
-        plausible=(0.02, 0.3),
-        role="shape",
-        prior="log_normal",
-        description="damping of the swing / critical, at scale 1",
+        neutral=0.1, bounds=(0.0, 0.5), plausible=(0.02, 0.3), role="shape", prior="log_normal"
     )
+    """damping of the swing / critical, at scale 1"""
 
 
 class Inertia(Effect):
     """Adds each joint's share of the chain's inertia."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "after a fast step the joint overshoots and rings at a frequency that falls with the mass it carries; in "
-            "slow runs and holds nothing is seen."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="after a fast step the joint overshoots and rings at a frequency that falls with the mass it "
+        "carries; in slow runs and holds nothing is seen.",
         look_alike="viscous_damping",
         told_apart="damping only delays; a mass overshoots, the more the heavier the payload.",
-        excited_by=(
-            "step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a payload."
-        ),
-        where=(
-            "chains with masses in the quasistatic engine, sampled above twenty times per swing; mujoco accelerates "
-            "masses itself and refuses it (with drag_1_s and joint_damping 0 its chain swings freely)."
-        ),
+        excited_by="step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a "
+        "payload.",
+        where="chains with masses in the quasistatic engine, sampled above twenty times per swing; mujoco "
+        "accelerates masses itself and refuses it (with drag_1_s and joint_damping 0 its chain swings freely).",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("step_response", "fast_cycles")
+    exciting = ("step_response", "fast_cycles")
     config: InertiaConfig
 
     def apply(self, model: Model) -> Model:
@@ -117,14 +104,7 @@ def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
 
 
 def _moment(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     # Memory: velocity and acceleration. Numbers: f, ζ, J, ω. In no time nothing moves.
     if math.isinf(dt_s):
@@ -134,9 +114,9 @@ def _moment(
         new[0] = old[0]
         new[1] = old[1]
     else:
-        swing = parameters[3] * dt_s / math.sqrt(parameters[0]) if parameters[0] > 0.0 else UNSEEN
+        swing = c[3] * dt_s / math.sqrt(c[0]) if c[0] > 0.0 else UNSEEN
         gamma = 0.5 + min(max((swing - RESOLVED) / (UNSEEN - RESOLVED), 0.0), 1.0)
         beta = 0.25 * (gamma + 0.5) * (gamma + 0.5)
         new[1] = (rate - old[0]) / (beta * dt_s) - (0.5 / beta - 1.0) * old[1]
         new[0] = old[0] + dt_s * ((1.0 - gamma) * old[1] + gamma * new[1])
-    return -parameters[0] * parameters[2] * (new[1] + 2.0 * parameters[1] * parameters[3] * new[0])
+    return -c[0] * c[2] * (new[1] + 2.0 * c[1] * c[3] * new[0])

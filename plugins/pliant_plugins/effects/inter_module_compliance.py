@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import ChainModel, Joint
 from pliant.records.law import JointLaw
 from pliant.units import Ratio
@@ -28,38 +28,30 @@ from pliant_plugins.effects.series_law import SeriesLaw
 
 
 class InterModuleComplianceConfig(EffectConfig):
-    """κ."""
+    """Compliance κ of a connection over that of a module."""
 
     kind: Literal["inter_module_compliance"] = "inter_module_compliance"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 3.0),
-        plausible=(0.02, 0.3),
-        description="compliance of one connection / that of a joint at rest",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 3.0), plausible=(0.02, 0.3))
+    """compliance of one connection / that of a joint at rest"""
 
 
 class InterModuleCompliance(Effect):
     """Puts the springs of the connections in series with the joints beside them."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the chain bends farther under loads than its modules do, the more the larger the moment that passes a "
-            "connection; joints between two others are off by more than those at the ends, and one module is right."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the chain bends farther under loads than its modules do, the more the larger the moment that "
+        "passes a connection; joints between two others are off by more than those at the ends, and one module is "
+        "right.",
         look_alike="stiffness",
-        told_apart=(
-            "read every joint: a stiffness is off by one factor in all of them, connections by half as much in the "
-            "first and the last; and where pressure or a large angle stiffens modules, connections stay as they are."
-        ),
+        told_apart="read every joint: a stiffness is off by one factor in all of them, connections by half as much "
+        "in the first and the last; and where pressure or a large angle stiffens modules, connections stay as they "
+        "are.",
         excited_by="hang loads on the vented chain, then on the pressed one, and read every joint's angle.",
-        where=(
-            "chains of two modules or more that bend, hinges and ball joints; every engine. Read by the sum of "
-            "angles alone it is nearly a stiffness."
-        ),
+        where="chains of two modules or more that bend, hinges and ball joints; every engine. Read by the sum of "
+        "angles alone it is nearly a stiffness.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps", "load_steps")
+    exciting = ("second_sensor", "passive_load_steps", "load_steps")
     config: InterModuleComplianceConfig
 
     def apply(self, model: Model) -> Model:

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
@@ -31,39 +31,29 @@ from pliant_plugins.effects.pressures import needs_pressure
 
 
 class LeakConfig(EffectConfig):
-    """λ and T_s."""
+    """Rate λ of the leak and time constant T_s of the supply that refills it."""
 
     kind: Literal["leak"] = "leak"
-    rate_1_s: float = parameter(
-        unit="s^-1",
-        neutral=0.0,
-        bounds=(0.0, 2.0),
-        plausible=(0.001, 0.1),
-        description="share of its pressure that a closed chamber loses, 1/s",
-    )
-    filling_time_s: Time = Field(
-        default=0.2, gt=0.0, le=60.0, description="time constant in which the supply fills the chamber"
-    )
+    rate_1_s: float = parameter(unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1))
+    """share of its pressure that a closed chamber loses, 1/s"""
+    filling_time_s: Time = Field(default=0.2, gt=0.0, le=60.0)
+    """time constant in which the supply fills the chamber"""
 
 
 class Leak(Effect):
     """Lets gas out of every chamber."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to the "
-            "supply it stands nearly still, a small share below the model."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to "
+        "the supply it stands nearly still, a small share below the model.",
         look_alike="viscoelastic",
-        told_apart=(
-            "a material that relaxes goes on bending under a pressure that is held by the regulator; a leak shows "
-            "only once the valve is closed, and always toward the straight joint."
-        ),
+        told_apart="a material that relaxes goes on bending under a pressure that is held by the regulator; a leak "
+        "shows only once the valve is closed, and always toward the straight joint.",
         excited_by="fill the chamber, close the valve and record for a minute.",
         where="families that a pressure drives, every engine; recordings with the column valve_open.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("closed_valve", "holds")
+    exciting = ("closed_valve", "holds")
     config: LeakConfig
 
     def apply(self, model: Model) -> Model:

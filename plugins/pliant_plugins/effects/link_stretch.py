@@ -14,19 +14,11 @@ from __future__ import annotations
 
 import re
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import (
-    Effect,
-    EffectConfig,
-    EffectNotes,
-    Model,
-    Place,
-    Readings,
-    parameter,
-)
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Readings, parameter
 from pliant.records.design import Array
 from pliant_plugins.effects.pressures import needs_pressure
 
@@ -38,30 +30,23 @@ class LinkStretchConfig(EffectConfig):
     """c, strain per pressure."""
 
     kind: Literal["link_stretch"] = "link_stretch"
-    strain_per_mpa: float = parameter(
-        unit="MPa^-1",
-        neutral=0.0,
-        bounds=(-10.0, 20.0),
-        plausible=(0.0, 3.0),
-        description="axial strain of the pieces per MPa of pressure",
-    )
+    strain_per_mpa: float = parameter(unit="MPa^-1", neutral=0.0, bounds=(-10.0, 20.0), plausible=(0.0, 3.0))
+    """axial strain of the pieces per MPa of pressure"""
 
 
 class LinkStretch(Effect):
     """Moves positions away from the base in proportion to the pressure."""
 
-    place: ClassVar[Place] = "output"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "angles are right and positions too near the base, by a share of their distance that grows with the "
-            "pressure; without pressure they are right, under any load."
-        ),
+    place = "output"
+    notes = EffectNotes(
+        signature="angles are right and positions too near the base, by a share of their distance that grows with "
+        "the pressure; without pressure they are right, under any load.",
         look_alike="actuation_gain",
         told_apart="a gain turns every joint; a stretch moves markers and turns nothing.",
         excited_by="film the tip and every joint's angle through a slow pressure sweep to the top of the range.",
         where="chains under pressure whose tip or markers are read; every engine, since only readings change.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor",)
+    exciting = ("second_sensor",)
     config: LinkStretchConfig
 
     def apply(self, model: Model) -> Model:

@@ -11,58 +11,42 @@ the largest angle that takes. Rest does not heal it: the memory goes on from run
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
 
 
 class MullinsConfig(EffectConfig):
-    """d and s."""
+    """Largest softening d and the angle s over which it fades."""
 
     kind: Literal["mullins"] = "mullins"
-    softening: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.9),
-        plausible=(0.05, 0.4),
-        description="share of the elastic effort that is lost at most",
-    )
+    softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4))
+    """share of the elastic effort that is lost at most"""
     scale_rad: Angle = parameter(
-        neutral=0.2,
-        bounds=(0.05, 1.0),
-        plausible=(0.06, 0.6),
-        role="shape",
-        prior="log_normal",
-        description="angle over which the loss comes, per joint",
+        neutral=0.2, bounds=(0.05, 1.0), plausible=(0.06, 0.6), role="shape", prior="log_normal"
     )
+    """angle over which the loss comes, per joint"""
 
 
 class Mullins(Effect):
     """Softens the elastic part below the largest past angle."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the first loading of a new specimen is stiffer than all that follow up to the same angle; "
-            "going beyond the largest past angle it is as stiff as new."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the first loading of a new specimen is stiffer than all that follow up to the same angle; going "
+        "beyond the largest past angle it is as stiff as new.",
         look_alike="stiffness",
-        told_apart=(
-            "a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
-            "specimen."
-        ),
-        excited_by=(
-            "take a specimen that was never loaded and cycle it three times each to a third, two thirds "
-            "and all of the range."
-        ),
-        where=(
-            "filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
-            "histories: `quasistatic` and `mujoco`."
-        ),
+        told_apart="a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
+        "specimen.",
+        excited_by="take a specimen that was never loaded and cycle it three times each to a third, two thirds and "
+        "all of the range.",
+        where="filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
+        "histories: `quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("virgin", "slow_cycles")
+    exciting = ("virgin", "slow_cycles")
     config: MullinsConfig
 
     def apply(self, model: Model) -> Model:
@@ -73,16 +57,9 @@ class Mullins(Effect):
 
 
 def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     largest = max(old[0], abs(angle))
     new[0] = largest
-    below = (largest * largest - angle * angle) / (parameters[1] * parameters[1])
-    return 1.0 - parameters[0] * math.erf(below)
+    below = (largest * largest - angle * angle) / (c[1] * c[1])
+    return 1.0 - c[0] * math.erf(below)

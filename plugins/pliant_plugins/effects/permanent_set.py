@@ -10,9 +10,9 @@ softer by that share too. Rest does not heal the set: the memory goes on from ru
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
@@ -22,36 +22,24 @@ class PermanentSetConfig(EffectConfig):
     """s, residual / largest angle."""
 
     kind: Literal["permanent_set"] = "permanent_set"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.6),
-        plausible=(0.01, 0.15),
-        description="angle that stays / largest past angle",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.6), plausible=(0.01, 0.15))
+    """angle that stays / largest past angle"""
 
 
 class PermanentSet(Effect):
     """Moves the rest angle of every joint toward its largest past angle."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "
-            "waiting does not help, and a repeat of the same cycle adds nothing."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "
+        "waiting does not help, and a repeat of the same cycle adds nothing.",
         look_alike="pressure_offset",
-        told_apart=(
-            "an offset is there before the first loading and never grows; a set grows with the largest angle."
-        ),
-        excited_by=(
-            "start with a virgin specimen, load to higher and higher levels and vent for a minute after each."
-        ),
-        where=(
-            "rubbers and 3D-printed elastomers, with the order of runs and specimens recorded; engines that "
-            "follow histories: `quasistatic` and `mujoco`."
-        ),
+        told_apart="an offset is there before the first loading and never grows; a set grows with the largest angle.",
+        excited_by="start with a virgin specimen, load to higher and higher levels and vent for a minute after each.",
+        where="rubbers and 3D-printed elastomers, with the order of runs and specimens recorded; engines that follow "
+        "histories: `quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("virgin", "vented_zero")
+    exciting = ("virgin", "vented_zero")
     config: PermanentSetConfig
 
     def apply(self, model: Model) -> Model:
@@ -61,15 +49,8 @@ class PermanentSet(Effect):
 
 
 def _rest(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     new[0] = max(old[0], angle)
     new[1] = min(old[1], angle)
-    return parameters[0] * (new[0] + new[1])
+    return c[0] * (new[0] + new[1])

@@ -9,10 +9,10 @@ model). Tendon forces are left alone.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from operator import add
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
-from pliant.records.history import History
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.units import Pressure
 from pliant_plugins.effects.pressures import needs_pressure, with_pressures
 
@@ -21,36 +21,27 @@ class PressureOffsetConfig(EffectConfig):
     """p₀, acting − commanded pressure."""
 
     kind: Literal["pressure_offset"] = "pressure_offset"
-    offset_pa: Pressure = parameter(
-        neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3), description="acting − commanded pressure"
-    )
+    offset_pa: Pressure = parameter(neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3))
+    """acting − commanded pressure"""
 
 
 class PressureOffset(Effect):
     """Adds a constant to every pressure before it reaches the chain."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the joint stands bent at zero commanded pressure, the same in every run, and the error in "
-            "angle is largest where the joint is softest."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="the joint stands bent at zero commanded pressure, the same in every run, and the error in angle "
+        "is largest where the joint is softest.",
         look_alike="sensor_bias",
-        told_apart=(
-            "an offset of pressure shrinks where a load or a large angle makes the joint stiff and shows "
-            "in positions too; a sensor's bias is the same everywhere and moves no marker."
-        ),
+        told_apart="an offset of pressure shrinks where a load or a large angle makes the joint stiff and shows in "
+        "positions too; a sensor's bias is the same everywhere and moves no marker.",
         excited_by="record the angle at zero pressure and at full pressure, each with and without a load.",
         where="families that a pressure drives, every engine; a chain of tendons refuses it.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("vented_zero", "passive_load_steps", "load_steps")
+    exciting = ("vented_zero", "passive_load_steps", "load_steps")
     config: PressureOffsetConfig
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
-        return model.with_input(partial(_shifted, self.config.offset_pa))
-
-
-def _shifted(offset: float, history: History) -> History:
-    return with_pressures(history, lambda pressure: pressure + offset)
+        return model.with_input(partial(with_pressures, change=partial(add, self.config.offset_pa)))

@@ -9,9 +9,9 @@ u_c is bounded away from zero: contact from the start would be a stiffness.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
@@ -19,45 +19,31 @@ from pliant_plugins.effects.scale import rest_stiffness
 
 
 class SelfContactConfig(EffectConfig):
-    """c and u_c."""
+    """Stiffening c beyond the angle u_c where walls touch."""
 
     kind: Literal["self_contact"] = "self_contact"
-    stiffening: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 100.0),
-        plausible=(0.3, 10.0),
-        description="stiffness of the contact / stiffness at rest",
-    )
+    stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0))
+    """stiffness of the contact / stiffness at rest"""
     contact_rad: Angle = parameter(
-        neutral=0.25,
-        bounds=(0.05, 2.0),
-        plausible=(0.1, 0.6),
-        role="shape",
-        prior="log_normal",
-        description="angle at which walls touch, per joint",
+        neutral=0.25, bounds=(0.05, 2.0), plausible=(0.1, 0.6), role="shape", prior="log_normal"
     )
+    """angle at which walls touch, per joint"""
 
 
 class SelfContact(Effect):
     """Adds a spring beyond the contact angle."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the curve of angle over pressure has a kink: below it the model is right, beyond it the "
-            "joint bends too little, at the same angle under any load, up and down alike."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the curve of angle over pressure has a kink: below it the model is right, beyond it the joint "
+        "bends too little, at the same angle under any load, up and down alike.",
         look_alike="stiffness",
         told_apart="a stiffness is wrong from the first degree on; contact begins at its angle.",
-        excited_by=(
-            "sweep the pressure slowly to the top of the range, without a load and with loads either way, "
-            "in small steps near the end."
-        ),
-        where=(
-            "bellows and ribbed chambers that bend far, every engine; solid fingers have no folds that meet."
-        ),
+        excited_by="sweep the pressure slowly to the top of the range, without a load and with loads either way, in "
+        "small steps near the end.",
+        where="bellows and ribbed chambers that bend far, every engine; solid fingers have no folds that meet.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "load_steps", "passive_load_steps")
+    exciting = ("slow_cycles", "load_steps", "passive_load_steps")
     config: SelfContactConfig
 
     def apply(self, model: Model) -> Model:
@@ -67,13 +53,6 @@ class SelfContact(Effect):
 
 
 def _moment(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    return -parameters[0] * max(angle - parameters[1], 0.0)
+    return -c[0] * max(angle - c[1], 0.0)

@@ -11,19 +11,12 @@ stay as they are: a sensor has no torque.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from operator import add
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import (
-    Effect,
-    EffectConfig,
-    EffectNotes,
-    Model,
-    Place,
-    Readings,
-    parameter,
-)
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.units import Angle
 from pliant_plugins.effects.angles import with_angles
 
@@ -32,37 +25,26 @@ class SensorBiasConfig(EffectConfig):
     """b, reported − true angle."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    bias_rad: Angle = parameter(
-        neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05), description="reading − true angle"
-    )
+    bias_rad: Angle = parameter(neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05))
+    """reading − true angle"""
 
 
 class SensorBias(Effect):
     """Shifts the angles that are read."""
 
-    place: ClassVar[Place] = "output"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "every angle is off by the same amount, at rest too, at any pressure, load and rate; "
-            "positions are right."
-        ),
+    place = "output"
+    notes = EffectNotes(
+        signature="every angle is off by the same amount, at rest too, at any pressure, load and rate; positions are "
+        "right.",
         look_alike="pressure_offset",
-        told_apart=(
-            "a bias is the same with and without load and moves no marker; what an offset of pressure "
-            "does depends on how stiff the joint is there."
-        ),
-        excited_by=(
-            "record the angle at rest, vented and unloaded, and again under a load; film a marker if you can."
-        ),
+        told_apart="a bias is the same with and without load and moves no marker; what an offset of pressure does "
+        "depends on how stiff the joint is there.",
+        excited_by="record the angle at rest, vented and unloaded, and again under a load; film a marker if you can.",
         where="every family of which angles are read; every engine, for it acts on readings only.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("vented_zero", "passive_load_steps", "second_sensor")
+    exciting = ("vented_zero", "passive_load_steps", "second_sensor")
     config: SensorBiasConfig
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; where no angle is read it changes nothing."""
-        return model.with_output(partial(_biased, self.config.bias_rad))
-
-
-def _biased(bias: float, readings: Readings) -> Readings:
-    return with_angles(readings, lambda angle: angle + bias)
+        return model.with_output(partial(with_angles, change=partial(add, self.config.bias_rad)))

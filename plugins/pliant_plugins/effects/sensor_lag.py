@@ -11,19 +11,11 @@ itself and its positions are not late.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import (
-    Effect,
-    EffectConfig,
-    EffectNotes,
-    Model,
-    Place,
-    Readings,
-    parameter,
-)
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Readings, parameter
 from pliant.records.design import Array
 from pliant.units import Time
 from pliant_plugins.effects.angles import with_recorded_angles
@@ -34,38 +26,26 @@ class SensorLagConfig(EffectConfig):
     """T, the time in which two thirds of a step are read."""
 
     kind: Literal["sensor_lag"] = "sensor_lag"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.05, 2.0),
-        description="time constant of the sensor's first-order lag",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    """time constant of the sensor's first-order lag"""
 
 
 class SensorLag(Effect):
     """Delays every recorded angle by a first-order lag."""
 
-    place: ClassVar[Place] = "output"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the angle that is read is behind in every motion, by the same time, whatever moves the chain; a few time "
-            "constants into a hold nothing is left. Positions are not late."
-        ),
+    place = "output"
+    notes = EffectNotes(
+        signature="the angle that is read is behind in every motion, by the same time, whatever moves the chain; a "
+        "few time constants into a hold nothing is left. Positions are not late.",
         look_alike="supply_lag",
-        told_apart=(
-            "step a load at constant pressure: a sensor is late there too, a supply is not. Positions tell it from "
-            "damping and from a supply: they are in time."
-        ),
-        excited_by=(
-            "step the pressure, then a load at constant pressure, sampled at ten times a second or more, and film the "
-            "tip beside the angle."
-        ),
-        where=(
-            "every family of which angles are read with a clock; every engine that follows histories, for it acts on "
-            "readings only."
-        ),
+        told_apart="step a load at constant pressure: a sensor is late there too, a supply is not. Positions tell it "
+        "from damping and from a supply: they are in time.",
+        excited_by="step the pressure, then a load at constant pressure, sampled at ten times a second or more, and "
+        "film the tip beside the angle.",
+        where="every family of which angles are read with a clock; every engine that follows histories, for it acts "
+        "on readings only.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("step_response", "load_steps", "second_sensor")
+    exciting = ("step_response", "load_steps", "second_sensor")
     config: SensorLagConfig
 
     def apply(self, model: Model) -> Model:

@@ -10,17 +10,10 @@ gain of a linear transducer model). The chain, its markers and its efforts stay 
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from operator import mul
+from typing import Literal
 
-from pliant.interfaces.effect import (
-    Effect,
-    EffectConfig,
-    EffectNotes,
-    Model,
-    Place,
-    Readings,
-    parameter,
-)
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.units import Ratio
 from pliant_plugins.effects.angles import with_angles
 
@@ -29,40 +22,27 @@ class SensorScaleConfig(EffectConfig):
     """s, reading / true angle − 1."""
 
     kind: Literal["sensor_scale"] = "sensor_scale"
-    excess: Ratio = parameter(
-        neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1), description="reading / true angle − 1"
-    )
+    excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1))
+    """reading / true angle − 1"""
 
 
 class SensorScale(Effect):
     """Scales the angles that are read."""
 
-    place: ClassVar[Place] = "output"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; "
-            "at zero angle nothing is off, and positions are right."
-        ),
+    place = "output"
+    notes = EffectNotes(
+        signature="every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; at "
+        "zero angle nothing is off, and positions are right.",
         look_alike="stiffness",
-        told_apart=(
-            "a position or a second sensor: a scale moves no marker. By angles alone a scale is a joint that is softer "
-            "under load, pressure and weight at once; a gain of the actuation is silent under a load."
-        ),
-        excited_by=(
-            "film the tip beside the angle in one cycle of pressure, then hang a load on the vented chain."
-        ),
-        where=(
-            "every family of which angles are read; every engine, for it acts on readings only. A chain read by "
-            "positions alone does not show it."
-        ),
+        told_apart="a position or a second sensor: a scale moves no marker. By angles alone a scale is a joint that "
+        "is softer under load, pressure and weight at once; a gain of the actuation is silent under a load.",
+        excited_by="film the tip beside the angle in one cycle of pressure, then hang a load on the vented chain.",
+        where="every family of which angles are read; every engine, for it acts on readings only. A chain read by "
+        "positions alone does not show it.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps", "blocked")
+    exciting = ("second_sensor", "passive_load_steps", "blocked")
     config: SensorScaleConfig
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; where no angle is read it changes nothing."""
-        return model.with_output(partial(_scaled, 1.0 + self.config.excess))
-
-
-def _scaled(factor: float, readings: Readings) -> Readings:
-    return with_angles(readings, lambda angle: factor * angle)
+        return model.with_output(partial(with_angles, change=partial(mul, 1.0 + self.config.excess)))

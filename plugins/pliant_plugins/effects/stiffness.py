@@ -9,9 +9,9 @@ scales the first.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
 from pliant_plugins.effects.factors import constant_factor
@@ -21,32 +21,24 @@ class StiffnessConfig(EffectConfig):
     """f, true passive stiffness / model's."""
 
     kind: Literal["stiffness"] = "stiffness"
-    factor: Ratio = parameter(
-        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4), description="true passive stiffness / model's"
-    )
+    factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4))
+    """true passive stiffness / model's"""
 
 
 class Stiffness(Effect):
     """Scales the elastic part of every joint law."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "under a load without pressure every angle is off by the same factor; with pressure the error "
-            "is smaller where pressure itself stiffens the module. Rate, history and orientation play no "
-            "part."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="under a load without pressure every angle is off by the same factor; with pressure the error is "
+        "smaller where pressure itself stiffens the module. Rate, history and orientation play no part.",
         look_alike="actuation_gain",
         told_apart="a load without pressure: a stiffness shows there, a gain cannot.",
-        excited_by=(
-            "vent the chamber and hang two or three loads one after the other, up and down, then repeat "
-            "under pressure."
-        ),
-        where=(
-            "every family and every engine; without a load or a weight it is nearly a gain of the actuation."
-        ),
+        excited_by="vent the chamber and hang two or three loads one after the other, up and down, then repeat under "
+        "pressure.",
+        where="every family and every engine; without a load or a weight it is nearly a gain of the actuation.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "load_steps")
+    exciting = ("passive_load_steps", "load_steps")
     config: StiffnessConfig
 
     def apply(self, model: Model) -> Model:

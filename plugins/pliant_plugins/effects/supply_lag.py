@@ -14,74 +14,57 @@ step. Of the first stage, with a change from venting to filling within the step 
 
     y(t + h) = p_c(t + h) − T s + (y(t) − p_c(t) + T s) e^(−h/T),      s = (p_c(t + h) − p_c(t)) / h
 
-and of the second in `second_lag.py`. A run starts in balance, p = y = p_c; behind a closed valve both volumes keep
+and of the second in `lagged_twice`. A run starts in balance, p = y = p_c; behind a closed valve both volumes keep
 what they have. Data without times are states reached slowly, and have no lag.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.second_lag import lagged_twice
+from pliant_plugins.effects.lag import accumulated, distances_of
 
 
 class SupplyLagConfig(EffectConfig):
     """T, in which the regulator has brought two thirds of a step up, and in shares of it: venting, the hose."""
 
     kind: Literal["supply_lag"] = "supply_lag"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.05, 2.0),
-        description="time constant of the supply's first stage, filling",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    """time constant of the supply's first stage, filling"""
     vent_ratio: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.2, 5.0),
-        plausible=(0.5, 2.0),
-        role="shape",
-        prior="log_normal",
-        description="time constant of venting over that of filling",
+        neutral=1.0, bounds=(0.2, 5.0), plausible=(0.5, 2.0), role="shape", prior="log_normal"
     )
+    """time constant of venting over that of filling"""
     second_ratio: Ratio = parameter(
-        neutral=0.15,
-        bounds=(0.01, 1.0),
-        plausible=(0.05, 0.5),
-        role="shape",
-        prior="log_normal",
-        description="time constant of the second stage over that of the first, filling",
+        neutral=0.15, bounds=(0.01, 1.0), plausible=(0.05, 0.5), role="shape", prior="log_normal"
     )
+    """time constant of the second stage over that of the first, filling"""
 
 
 class SupplyLag(Effect):
     """Delays every actuation by two first-order lags in a row."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "while the pressure rises the angle is behind, while it falls it is ahead, the more the "
-            "faster; a few time constants into a hold nothing is left. What follows a step sets in softly, for "
-            "there are two volumes, and venting may take longer than filling. Loads "
-            "that change at constant pressure are followed at once."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="while the pressure rises the angle is behind, while it falls it is ahead, the more the faster; a "
+        "few time constants into a hold nothing is left. What follows a step sets in softly, for there are two "
+        "volumes, and venting may take longer than filling. Loads that change at constant pressure are followed at "
+        "once.",
         look_alike="viscous_damping",
         told_apart="change the load at constant pressure: damping delays that motion too, a supply does not.",
-        excited_by=(
-            "step the pressure up and down at two or three rates, with a hold after each step, then step "
-            "a load at constant pressure."
-        ),
-        where=(
-            "every family; recordings with a clock, in engines that follow histories. Tasks and tables have "
-            "no lag."
-        ),
+        excited_by="step the pressure up and down at two or three rates, with a hold after each step, then step a "
+        "load at constant pressure.",
+        where="every family; recordings with a clock, in engines that follow histories. Tasks and tables have no lag.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("step_response", "load_steps", "fast_cycles")
+    exciting = ("step_response", "load_steps", "fast_cycles")
     config: SupplyLagConfig
 
     def apply(self, model: Model) -> Model:
@@ -100,3 +83,66 @@ def _delayed(config: SupplyLagConfig, history: History) -> History:
         for name, values in history.actuation.items()
     }
     return history.with_actuation(**late)
+
+
+def lagged_twice(
+    values: Array,
+    time_s: Array,
+    times_s: tuple[float, float],
+    second_s: float,
+    flows: NDArray[np.bool_] | None = None,
+) -> Array:
+    """(t,) z, what has arrived of u = `values` (t,) at `time_s` (t,) behind both stages, y and z, from balance.
+
+    `times_s` are the first stage's time constants while it rises and while it falls, `second_s` the second one's, all
+    above zero. `flows` (t − 1,) says in which steps anything does; by default in all.
+
+    u is a straight line of slope s between samples. Within a piece in which T does not change, y = u + d with
+    d = −s T + c e^(−t/T), so with w = z − u, a step h is exact:
+
+        w(t + h) = E₂ w(t) + G (d(t) + s T) − (T + T₂)(1 − E₂) s
+        E₂ = e^(−h/T₂),      G = T/(T − T₂) (e^(−h/T) − e^(−h/T₂)),      G → h/T e^(−h/T) where T₂ → T
+
+    The second stage is linear: where y passes u within a step, that instant is put between the samples (d = 0
+    there), and every piece has one T. Where nothing flows both stages stand still.
+    """
+    distances, met = distances_of(values, time_s, times_s[0], flows, times_s[1])
+    inputs, clock, first = values, time_s, np.array(distances)
+    running = np.ones(len(values) - 1, bool) if flows is None else flows
+    steps = np.array([k for k, _ in met], int)
+    if met:
+        since = np.array([reached for _, reached in met])
+        at = time_s[steps] + since
+        there = values[steps] + np.diff(values)[steps] * since / np.diff(time_s)[steps]
+        inputs, clock, first = (
+            np.insert(whole, steps + 1, new) for whole, new in ((values, there), (time_s, at), (first, 0.0))
+        )
+        running = np.insert(running, steps + 1, True)
+    late: Array = inputs + np.array(accumulated(*_shares(inputs, clock, first, running, times_s, second_s)))
+    return np.delete(late, steps + 1 + np.arange(len(steps)))
+
+
+def _shares(
+    inputs: Array,
+    clock: Array,
+    first: Array,
+    running: NDArray[np.bool_],
+    times_s: tuple[float, float],
+    second_s: float,
+) -> tuple[list[float], list[float]]:
+    """What each piece leaves of w, and what it adds to it."""
+    change, steps, before = np.diff(inputs), np.diff(clock), first[:-1]
+    above = (before > 0.0) | ((before == 0.0) & (change < 0.0))
+    one_s = np.where(above, times_s[1], times_s[0])
+    one, two = steps / one_s, steps / second_s
+    apart = np.abs(two - one)
+    mixed = np.exp(-np.minimum(one, two)) * _mean(apart)
+    ratio = one_s / second_s
+    more = two * mixed * before + change * (ratio * mixed - (1.0 + ratio) * _mean(two))
+    return np.where(running, np.exp(-two), 1.0).tolist(), np.where(running, more, -change).tolist()
+
+
+def _mean(x: Array) -> Array:
+    """(1 − e^(−x)) / x, the mean of e^(−t) over [0, x]."""
+    mean: Array = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0)
+    return mean

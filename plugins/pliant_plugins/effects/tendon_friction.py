@@ -15,12 +15,12 @@ The angle decides, not the time, so it acts on states that are reached slowly as
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
@@ -33,47 +33,30 @@ class TendonFrictionConfig(EffectConfig):
     """μ, w₀ and δ."""
 
     kind: Literal["tendon_friction"] = "tendon_friction"
-    friction: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 1.5),
-        plausible=(0.05, 0.4),
-        description="coefficient of friction of the tendon in its guides",
-    )
-    wrap_at_rest_rad: Angle = Field(
-        default=0.0, ge=0.0, le=3.2, description="angle by which the tendon bends in each joint at rest"
-    )
-    break_away_rad: Angle = Field(
-        default=0.01, ge=0.002, le=0.05, description="angle of a joint in which friction turns over"
-    )
+    friction: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.5), plausible=(0.05, 0.4))
+    """coefficient of friction of the tendon in its guides"""
+    wrap_at_rest_rad: Angle = Field(default=0.0, ge=0.0, le=3.2)
+    """angle by which the tendon bends in each joint at rest"""
+    break_away_rad: Angle = Field(default=0.01, ge=0.002, le=0.05)
+    """angle of a joint in which friction turns over"""
 
 
 class TendonFriction(Effect):
     """Scales the actuation part by what friction leaves of the tendon's tension."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "pulling and releasing run apart in proportion to the tension, the wider the more the chain is bent and "
-            "the farther from the base, at every rate; loads without tension are followed without a loop."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="pulling and releasing run apart in proportion to the tension, the wider the more the chain is "
+        "bent and the farther from the base, at every rate; loads without tension are followed without a loop.",
         look_alike="friction_hysteresis",
-        told_apart=(
-            "the loop of a rubbing tendon grows with its tension and its wrap; that of dry friction in the joint is as "
-            "wide at small forces as at large ones."
-        ),
-        excited_by=(
-            "pull and release the tendon slowly to a third, two thirds and all of the range, and step a load without "
-            "tension; read every joint."
-        ),
+        told_apart="the loop of a rubbing tendon grows with its tension and its wrap; that of dry friction in the "
+        "joint is as wide at small forces as at large ones.",
+        excited_by="pull and release the tendon slowly to a third, two thirds and all of the range, and step a load "
+        "without tension; read every joint.",
         where="families with a tendon (tendon_joint) that pulls one way; engines that follow memory.",
     )
-    exciting: ClassVar[tuple[str, ...]] = (
-        "slow_cycles",
-        "small_loops",
-        "passive_load_steps",
-        "second_sensor",
-    )
-    actuation: ClassVar[str] = TENDON
+    exciting = ("slow_cycles", "small_loops", "passive_load_steps", "second_sensor")
+    actuation = TENDON
     config: TendonFrictionConfig
 
     def apply(self, model: Model) -> Model:
@@ -107,18 +90,11 @@ def _pull(chain: ChainModel) -> float:
 
 
 def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     # Memory: the direction z, and the angle of the sample before. Numbers: μ, w₀, δ, sign of the pull, i.
-    moved = parameters[3] * (angle - old[1]) / parameters[2]
+    moved = c[3] * (angle - old[1]) / c[2]
     new[0] = min(max(old[0] + moved, -1.0), 1.0)
     new[1] = angle
-    wrap = (parameters[4] - 0.5) * abs(angle) + parameters[4] * parameters[1]
-    return math.exp(-parameters[0] * wrap * new[0])
+    wrap = (c[4] - 0.5) * abs(angle) + c[4] * c[1]
+    return math.exp(-c[0] * wrap * new[0])

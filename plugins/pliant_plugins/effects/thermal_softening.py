@@ -9,9 +9,9 @@ as the absolute temperature, c = −1/T (Treloar, The Physics of Rubber Elastici
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.term import LawTerm
@@ -23,32 +23,23 @@ class ThermalSofteningConfig(EffectConfig):
     """c, loss of stiffness per kelvin."""
 
     kind: Literal["thermal_softening"] = "thermal_softening"
-    loss_per_k: float = parameter(
-        unit="K^-1",
-        neutral=0.0,
-        bounds=(-0.03, 0.03),
-        plausible=(-0.003, 0.01),
-        description="share of the stiffness lost per kelvin, 1/K",
-    )
+    loss_per_k: float = parameter(unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.003, 0.01))
+    """share of the stiffness lost per kelvin, 1/K"""
 
 
 class ThermalSoftening(Effect):
     """Scales the elastic part with the temperature of the run."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "runs at another temperature are off as by another stiffness, in proportion to the "
-            "difference; all else is alike."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="runs at another temperature are off as by another stiffness, in proportion to the difference; all "
+        "else is alike.",
         look_alike="stiffness",
         told_apart="a stiffness is off by the same factor at every temperature.",
-        excited_by=(
-            "repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c."
-        ),
+        excited_by="repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c.",
         where="every family, recordings with temperature_c, in engines that follow histories.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("warm", "passive_load_steps")
+    exciting = ("warm", "passive_load_steps")
     config: ThermalSofteningConfig
 
     def apply(self, model: Model) -> Model:
@@ -57,14 +48,7 @@ class ThermalSoftening(Effect):
 
 
 def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    warmer = temperature_c - REFERENCE_TEMPERATURE_C
-    return max(1.0 - parameters[0] * warmer, LEAST_FACTOR)
+    warmer = temp_c - REFERENCE_TEMPERATURE_C
+    return max(1.0 - c[0] * warmer, LEAST_FACTOR)

@@ -17,9 +17,9 @@ dashpot, and from infinity, where it would be a spring.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio, Time
@@ -30,42 +30,28 @@ class ViscoelasticConfig(EffectConfig):
     """g and T of one branch."""
 
     kind: Literal["viscoelastic"] = "viscoelastic"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 5.0),
-        plausible=(0.05, 0.5),
-        description="stiffness that relaxes / stiffness at rest",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.05, 0.5))
+    """stiffness that relaxes / stiffness at rest"""
     time_s: Time = parameter(
-        neutral=20.0,
-        bounds=(1.0, 1000.0),
-        plausible=(3.0, 200.0),
-        role="shape",
-        prior="log_normal",
-        description="time constant in which it relaxes",
+        neutral=20.0, bounds=(1.0, 1000.0), plausible=(3.0, 200.0), role="shape", prior="log_normal"
     )
+    """time constant in which it relaxes"""
 
 
 class Viscoelastic(Effect):
     """Adds a relaxing branch to every joint."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the angle goes on creeping for seconds to minutes while the pressure is held, and comes back "
-            "as slowly after venting; fast runs look stiffer than slow ones."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the angle goes on creeping for seconds to minutes while the pressure is held, and comes back as "
+        "slowly after venting; fast runs look stiffer than slow ones.",
         look_alike="viscous_damping",
-        told_apart=(
-            "a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many."
-        ),
+        told_apart="a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many.",
         excited_by="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
-        where=(
-            "silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow "
-            "histories: `quasistatic` and `mujoco`."
-        ),
+        where="silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow histories: "
+        "`quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("holds", "fast_cycles", "slow_cycles")
+    exciting = ("holds", "fast_cycles", "slow_cycles")
     config: ViscoelasticConfig
 
     def apply(self, model: Model) -> Model:
@@ -76,19 +62,12 @@ class Viscoelastic(Effect):
 
 
 def _moment(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     if math.isinf(dt_s):
         new[0] = 0.0
         return 0.0
-    steps = dt_s / parameters[1]
+    steps = dt_s / c[1]
     mean_decay = -math.expm1(-steps) / steps if steps > 1e-12 else 1.0
     new[0] = math.exp(-steps) * old[0] + mean_decay * rate * dt_s
-    return -parameters[0] * new[0]
+    return -c[0] * new[0]

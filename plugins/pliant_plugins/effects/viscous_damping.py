@@ -9,9 +9,9 @@ e^(−t/T). k₀ is the stiffness of the model's law at rest, so that T means th
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Time
@@ -22,37 +22,24 @@ class ViscousDampingConfig(EffectConfig):
     """T, retardation time: damping / stiffness at rest."""
 
     kind: Literal["viscous_damping"] = "viscous_damping"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.02, 1.0),
-        description="retardation time, damping / stiffness at rest",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.02, 1.0))
+    """retardation time, damping / stiffness at rest"""
 
 
 class ViscousDamping(Effect):
     """Adds a dashpot to every joint."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "a loop between up and down whose width is proportional to the rate; within a second or so of "
-            "a hold the angle stands where the slow run had it."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="a loop between up and down whose width is proportional to the rate; within a second or so of a "
+        "hold the angle stands where the slow run had it.",
         look_alike="supply_lag",
-        told_apart=(
-            "change the load at constant pressure: a dashpot delays that motion too, a slow supply does not."
-        ),
-        excited_by=(
-            "run the same triangle at three rates a factor of three apart, and step a load at constant "
-            "pressure."
-        ),
-        where=(
-            "every family; recordings with a clock, in engines that follow histories: `quasistatic` and "
-            "`mujoco`."
-        ),
+        told_apart="change the load at constant pressure: a dashpot delays that motion too, a slow supply does not.",
+        excited_by="run the same triangle at three rates a factor of three apart, and step a load at constant "
+        "pressure.",
+        where="every family; recordings with a clock, in engines that follow histories: `quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("step_response", "fast_cycles", "load_steps")
+    exciting = ("step_response", "fast_cycles", "load_steps")
     config: ViscousDampingConfig
 
     def apply(self, model: Model) -> Model:
@@ -62,13 +49,6 @@ class ViscousDamping(Effect):
 
 
 def _moment(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    return -parameters[0] * rate
+    return -c[0] * rate

@@ -13,11 +13,11 @@ own, which two designs with different walls tell; a flexure of `tendon_joint` sh
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
 from pliant_plugins.effects.factors import constant_factor
@@ -27,41 +27,29 @@ class WallThicknessConfig(EffectConfig):
     """s, a and b."""
 
     kind: Literal["wall_thickness"] = "wall_thickness"
-    ratio: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.5, 2.0),
-        plausible=(0.85, 1.15),
-        description="true thickness of the walls / nominal",
-    )
-    elastic_exponent: float = Field(
-        default=2.15, ge=0.0, le=4.0, description="a: the elastic part grows as thickness^a"
-    )
-    actuation_exponent: float = Field(
-        default=0.33, ge=-4.0, le=4.0, description="b: the actuation part grows as thickness^b"
-    )
+    ratio: Ratio = parameter(neutral=1.0, bounds=(0.5, 2.0), plausible=(0.85, 1.15))
+    """true thickness of the walls / nominal"""
+    elastic_exponent: float = Field(default=2.15, ge=0.0, le=4.0)
+    """a: the elastic part grows as thickness^a"""
+    actuation_exponent: float = Field(default=0.33, ge=-4.0, le=4.0)
+    """b: the actuation part grows as thickness^b"""
 
 
 class WallThickness(Effect):
     """Scales the elastic and the actuation part of every joint law by one thickness."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "every angle is off as by another stiffness, with and without pressure, and the torque at a blocked joint "
-            "is off too, by much less and the same way."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="every angle is off as by another stiffness, with and without pressure, and the torque at a "
+        "blocked joint is off too, by much less and the same way.",
         look_alike="stiffness",
-        told_apart=(
-            "the blocked torque at the straight joint: a stiffness leaves it alone, a wall changes it by about a "
-            "seventh of what it changes the stiffness."
-        ),
-        excited_by=(
-            "vent the chamber and step loads of both signs, then hold the joint straight by a load at several "
-            "pressures."
-        ),
+        told_apart="the blocked torque at the straight joint: a stiffness leaves it alone, a wall changes it by "
+        "about a seventh of what it changes the stiffness.",
+        excited_by="vent the chamber and step loads of both signs, then hold the joint straight by a load at several "
+        "pressures.",
         where="families with walls, every engine; the exponents are those of bending bellows.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "blocked", "load_steps")
+    exciting = ("passive_load_steps", "blocked", "load_steps")
     config: WallThicknessConfig
 
     def apply(self, model: Model) -> Model:

@@ -1,44 +1,74 @@
-"""What all environments share: time, seeds, spaces, pictures. A subclass says what is seen and what is wanted."""
+"""What all environments share: time, seeds, spaces, pictures, and the chain of a study in its engine."""
 
 from __future__ import annotations
 
+import os
 from abc import abstractmethod
+from pathlib import Path
 from typing import Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.api import DEFAULT_STORE, open_study
 from pliant.errors import UserError
 from pliant.interfaces.viewer import Picture, View
+from pliant.pipeline.motion import drawn_chain, highest_actuation, prepared_chain
+from pliant.pipeline.study import StudyRun, laws_of_study
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
 
 OBSERVED = NDArray[np.float32]
 LIMIT = 10.0  # observations are of order one and clipped here
+STUDIES = Path(__file__).parent / "studies"
+
+
+def stored() -> Path:
+    """The artifact store of environments: `PLIANT_STORE`, else the usual one."""
+    return Path(os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
 
 
 class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
     """One episode: `steps` control steps of `control_s`, in each of which the action holds.
 
     Args:
+        study: path of a study file; by default one that ships with the environment.
+        actuation_max: highest pressure (Pa) or tendon force (N); the task's by default.
         control_s: length of a control step.
-        episode_s: after this time the episode is truncated.
+        episode_s: after this time the episode is truncated; 2 s by default, of a grasp 6 s.
         render_mode: "rgb_array" or None.
         size: (width, height) of pictures.
         camera: "iso", "front", "side" or "top".
+
+    Attributes:
+        opened: the study; its `chain` has the task's own loads and the effects applied, in the engine `backend`.
+        task: the built task, or None.
+        inputs: of the chain; action +1 means the highest value of each, −1 is 0.
+
+    Raises:
+        UserError: an argument or the study is wrong, or nothing says how far the actuation goes.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's
 
+    default_study: ClassVar[str]
+    default_episode_s: ClassVar[float] = 2.0
+    option_names: ClassVar[tuple[str, ...]] = ()
+
     def __init__(
         self,
-        control_s: float,
-        episode_s: float,
-        render_mode: str | None,
-        size: tuple[int, int],
-        camera: str,
+        study: str | Path | None = None,
+        *,
+        actuation_max: float | None = None,
+        control_s: float = 0.05,
+        episode_s: float | None = None,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (480, 360),
+        camera: str = "iso",
     ) -> None:
+        episode_s = self.default_episode_s if episode_s is None else episode_s
         if not (control_s > 0 and episode_s >= control_s):
             raise UserError(f"control_s is {control_s} and episode_s {episode_s}: 0 < control_s ≤ episode_s.")
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -52,6 +82,31 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": round(1 / control_s)}
         self._painter: Any = None
         self._taken = 0
+        self.opened = open_study(study or STUDIES / f"{self.default_study}.yaml", store=stored())
+        loaded = self.opened.study
+        self.task: Any  # a subclass may need a kind of its own
+        self.chain, self.backend, self.task = prepared_chain(self.opened.bench, loaded)
+        if not self.backend.capabilities.dynamic:
+            raise UserError(
+                f"an environment steps through time and physics '{self.backend.config.kind}' has equilibria only; "
+                "use 'mujoco' or 'pybullet' in the study."
+            )
+        self.inputs = tuple(dict.fromkeys(actuator.input for actuator in self.chain.actuators))
+        top = highest_actuation(loaded, self.chain) if actuation_max is None else actuation_max
+        if not (np.isfinite(top) and top > 0):
+            raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
+        self._highest = np.full(len(self.inputs), float(top))
+        self._share = self._before = np.zeros(len(self.inputs))
+        self._build()
+
+    def _actuation(self, share: Array) -> dict[str, float]:
+        """Inputs at shares (k,) of their highest values."""
+        return dict(zip(self.inputs, (share * self._highest).tolist(), strict=True))
+
+    def _looks(self) -> ChainModel:
+        """The chain as it is drawn."""
+        bench, study = self.opened.bench, self.opened.study
+        return drawn_chain(bench, StudyRun(study, laws_of_study(bench, study)))
 
     def _set_spaces(self, actions: int, observations: int) -> None:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
@@ -69,6 +124,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
                 f"unknown option '{unknown[0]}'; this environment takes {', '.join(self.option_names)}."
             )
         self._taken = 0
+        self._share = self._before = np.zeros(len(self.inputs))
         self._begin(options)
         return self._observed(), self._metrics()
 
@@ -80,7 +136,8 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         truncated = self._taken >= self.steps
         if not bounded:
             left = float(1 + self.steps - self._taken)
-            return self._nothing(), -left, True, False, {"unbounded": True}
+            nothing = np.zeros(self.observation_space.shape or (), np.float32)
+            return nothing, -left, True, False, {"unbounded": True}
         reward = self._reward(wanted)
         return self._observed(), reward, self._done(), truncated, self._metrics()
 
@@ -104,16 +161,14 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
             self._painter.close()
             self._painter = None
 
-    def _nothing(self) -> OBSERVED:
-        shape = self.observation_space.shape
-        return np.zeros(shape or (), np.float32)
-
     @staticmethod
     def _clipped(*parts: Array) -> OBSERVED:
         flat = np.concatenate([np.ravel(part) for part in parts])
         return np.clip(flat, -LIMIT, LIMIT).astype(np.float32)
 
-    option_names: ClassVar[tuple[str, ...]] = ()
+    @abstractmethod
+    def _build(self) -> None:
+        """Build the simulation and set the spaces."""
 
     @abstractmethod
     def _begin(self, options: dict[str, Any]) -> None:

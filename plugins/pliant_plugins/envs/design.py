@@ -2,52 +2,20 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 
-from pliant.api import DEFAULT_STORE, open_study
+from pliant.api import open_study
 from pliant.errors import UserError, closest
-from pliant.interfaces.optimizer import Space, Trial, Value
-from pliant.search.evaluate.evaluator import Evaluator
-from pliant.search.evaluate.scenarios import draw_scenarios
+from pliant.interfaces.optimizer import Value
+from pliant.search.evaluate.evaluator import Evaluates, evaluator_of_study
 from pliant.search.problem.search_problem import SearchProblem
-from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
-from pliant_plugins.optimizers.ppo.episode import episode_spaces
-from pliant_plugins.optimizers.ppo.observations import observations_of
-
-
-class Problem(Protocol):
-    """What the environment asks of a `pliant.search.problem.search_problem.SearchProblem`."""
-
-    @property
-    def until(self) -> object | None:
-        """When a search may end; None where nothing says so."""
-        ...
-
-    def branches(self) -> Sequence[Mapping[str, Value]]:
-        """Values of the `each` variables."""
-        ...
-
-    def space(self, contextual: bool = False) -> Space:
-        """The other variables; one context per condition, without a name where the search states none."""
-        ...
-
-    def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
-        """Whether these values and metrics satisfy the search's `until`."""
-        ...
-
-
-class Judge(Protocol):
-    """What it asks of a `pliant.search.evaluate.evaluator.Evaluator`."""
-
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Trial:
-        """What a candidate comes to; never raises for a bad one."""
-        ...
+from pliant_plugins.envs.base import stored
+from pliant_plugins.optimizers.ppo.episode import Numbers, episode_spaces, observations_of, values_of
 
 
 class DesignEnv(gymnasium.Env[Numbers, Numbers]):
@@ -85,7 +53,7 @@ class DesignEnv(gymnasium.Env[Numbers, Numbers]):
         *,
         branch: int = 0,
         failed_reward: float = -1.0,
-        opened: Callable[[str | Path], tuple[Problem, Judge]] | None = None,
+        opened: Callable[[str | Path], tuple[SearchProblem, Evaluates]] | None = None,
     ) -> None:
         if not np.isfinite(failed_reward):
             raise UserError(f"failed_reward is {failed_reward}; it needs a finite number.")
@@ -147,14 +115,12 @@ class DesignEnv(gymnasium.Env[Numbers, Numbers]):
         return self.conditions[self._condition]
 
 
-def open_problem(study: str | Path) -> tuple[Problem, Judge]:
+def open_problem(study: str | Path) -> tuple[SearchProblem, Evaluates]:
     """The search of a study file and what scores its designs; stages that are stored already are not computed again.
 
     Raises:
         UserError: the study is wrong, or has no `search`.
     """
-    opened = open_study(study, store=os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
-    problem = SearchProblem.of(opened.study, opened.bench.registry)
-    robust = problem.config.robust
-    scenarios = draw_scenarios(problem, opened.bench.registry, robust) if robust else ()
-    return problem, Evaluator(opened.bench, problem, scenarios)
+    opened = open_study(study, store=stored())
+    evaluator = evaluator_of_study(opened.bench, opened.study)
+    return evaluator.problem, evaluator

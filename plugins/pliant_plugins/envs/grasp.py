@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.pipeline.motion import drawn_chain, with_surfaces
+from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
-from pliant.records.scene import Scene, SceneFrames, SceneState
+from pliant.records.scene import Scene, SceneFrames
 from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
-from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, vector_option
-from pliant_plugins.envs.plant import Plant
+from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, points_option
 from pliant_plugins.tasks.grasp.metrics import HELD_SHARE, Grip
-from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.scene import Draw, grasp_scene
 from pliant_plugins.tasks.grasp.task import Grasp
 
 FASTEST_M_S = 0.06
@@ -47,54 +45,42 @@ class GraspEnv(SoftRobotEnv):
     half the lift). An object that rolls 150 mm away ends the episode at −0.5 for each
     step that is left.
 
-    Args:
-        study: path of a study with a `grasp` task; by default three bellow fingers with a stated law and an egg.
-        actuation_max, control_s, episode_s, render_mode, size, camera: see `ChainEnv`.
+    The study has a `grasp` task; by default three bellow fingers with a stated law and an egg.
     """
 
     default_study: ClassVar[str] = "grasp"
+    default_episode_s: ClassVar[float] = 6.0
     option_names: ClassVar[tuple[str, ...]] = ("placement_m",)
 
-    def __init__(
-        self,
-        study: str | Path | None = None,
-        *,
-        actuation_max: float | None = None,
-        control_s: float = 0.05,
-        episode_s: float = 6.0,
-        render_mode: str | None = None,
-        size: tuple[int, int] = (480, 360),
-        camera: str = "iso",
-    ) -> None:
-        super().__init__(control_s, episode_s, render_mode, size, camera)
-        self.plant = Plant.of(study, self.default_study, actuation_max)
-        task = self.plant.task
+    def _build(self) -> None:
+        task = self.task
         if not isinstance(task, Grasp):
             raise UserError("pliant/Grasp-v0 needs a study with 'task: {kind: grasp, ...}'.")
-        if not self.plant.backend.capabilities.contacts:
-            kind = self.plant.backend.config.kind
+        if not self.backend.capabilities.contacts:
+            kind = self.backend.config.kind
             raise UserError(f"physics '{kind}' has no contacts, which a grasp needs; use 'mujoco'.")
-        self.task, self.config = task, task.config
-        self.scene: Scene = grasp_scene(self.plant.chain, task.config, task.target, Draw.none())
-        self.simulation = self.plant.backend.build_scene(self.scene)
+        self.config = task.config
+        self.scene: Scene = grasp_scene(self.chain, task.config, task.target, Draw.none())
+        self.simulation = self.backend.build_scene(self.scene)
         self._rest = self.simulation.snapshot()
-        self._length_m = self.plant.chain.length_m
+        self._length_m = self.chain.length_m
         body = task.target.body
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
-        self._share = self._before = np.zeros(len(self.plant.names))
         self._offset = 0.0
         coordinates = sum(q.size for q in self._rest.coordinates)
-        self._set_spaces(len(self.plant.names) + 1, 2 * coordinates + 11 + len(self.plant.names))
+        self._set_spaces(len(self.inputs) + 1, 2 * coordinates + 11 + len(self.inputs))
         self._state, self._grip, self._lowest = self._rest, Grip(0.0, 0.0, 0.0), 0.0
 
     def _begin(self, options: dict[str, Any]) -> None:
-        self._share = self._before = np.zeros(len(self.plant.names))
         reach = self.config.noise.placement * self.task.target.radius_m * np.sqrt(self.np_random.uniform())
         angle = self.np_random.uniform(0.0, 2 * np.pi)
         place = reach * np.array([np.cos(angle), np.sin(angle), 0.0])
         self._offset = self.config.noise.pressure_pa * float(self.np_random.uniform(-1.0, 1.0))
-        given = vector_option(options, "placement_m")
-        self.simulation.restore(_moved(self._rest, place if given is None else given))
+        given = points_option(options, "placement_m")
+        positions = self._rest.positions_m.copy()
+        positions[0, :2] += (place if given is None else given)[:2]
+        # What the engine remembers belongs to the old place.
+        self.simulation.restore(replace(self._rest, positions_m=positions, private={}))
         self.simulation.apply([self._inputs()] * len(self.scene.arms))
         self.simulation.carry(np.zeros(3))
         self._state, self._grip, self._lowest = self.simulation.snapshot(), Grip(0.0, 0.0, 0.0), 0.0
@@ -156,7 +142,7 @@ class GraspEnv(SoftRobotEnv):
             "touching_share": self._grip.touching_share,
             "slip_ratio": self._slip,
             "is_success": bool(self._rise_m >= HELD_SHARE * self.config.lift_height_m),
-            **self.plant.actuation(self._share),
+            **self._actuation(self._share),
         }
 
     @property
@@ -177,7 +163,7 @@ class GraspEnv(SoftRobotEnv):
 
     def _inputs(self) -> Inputs:
         """Actuation with this episode's error of the pressure, where there is pressure at all."""
-        full = self.plant.actuation(self._share)
+        full = self._actuation(self._share)
         if self.config.pressure_pa is None:
             return Inputs(full)
         return Inputs(
@@ -188,23 +174,11 @@ class GraspEnv(SoftRobotEnv):
         return SceneFrames.of([self._state])
 
     def _drawn(self) -> tuple[Scene, SceneFrames]:
-        looks = drawn_chain(self.plant.opened.bench, self.plant.drawn())
+        looks = self._looks()
         heights = (0.0, -self.config.lower_height_m, self.config.lift_height_m)
-        ends = [_carried(self._rest, height) for height in heights]
+        ends = [replace(self._rest, carriage_m=np.array([0.0, 0.0, height])) for height in heights]
         return with_surfaces(self.scene, looks), SceneFrames.of(ends)
 
     def close(self) -> None:
         super().close()
         self.simulation.close()
-
-
-def _moved(state: SceneState, offset_m: Array) -> SceneState:
-    """The state with the first object elsewhere on the floor."""
-    positions = state.positions_m.copy()
-    positions[0, :2] += offset_m[:2]
-    # What the engine remembers belongs to the old place.
-    return replace(state, positions_m=positions, private={})
-
-
-def _carried(state: SceneState, height_m: float) -> SceneState:
-    return replace(state, carriage_m=np.array([0.0, 0.0, height_m]))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 HERE = "pliant_plugins.envs"
 ENVIRONMENTS = {
-    "pliant/FreeBending-v0": f"{HERE}.reach:FreeBendingEnv",
-    "pliant/TipLoad-v0": f"{HERE}.reach:TipLoadEnv",
-    "pliant/HelicalHang-v0": f"{HERE}.reach:HelicalHangEnv",
-    "pliant/TendonFinger-v0": f"{HERE}.reach:TendonFingerEnv",
-    "pliant/FollowShape-v0": f"{HERE}.follow_shape:FollowShapeEnv",
+    "pliant/FreeBending-v0": f"{HERE}.chain_env:FreeBendingEnv",
+    "pliant/TipLoad-v0": f"{HERE}.chain_env:TipLoadEnv",
+    "pliant/HelicalHang-v0": f"{HERE}.chain_env:HelicalHangEnv",
+    "pliant/TendonFinger-v0": f"{HERE}.chain_env:TendonFingerEnv",
+    "pliant/FollowShape-v0": f"{HERE}.chain_env:FollowShapeEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }
 # Needs a study, and is no robot that moves.

@@ -31,25 +31,21 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
     root = chain_tree(floored(chain), collisions=collisions)
     root.insert(0, Comment(THE_LAW))
-    _place_base(root, chain)
+    add_link(root, "world", MassProperties.none())
+    joint = add_joint(root, "base", "fixed", "world", "base")
+    add_origin(joint, chain.base_position_m, np.asarray(chain.base_rotation, float))
     links = {link.get("name"): link for link in root.iter("link")}
     for body in range(chain.n_joints + 1):
         name = f"body_{body}" if body else "base"
         _dress(links[name], looks, body, surfaces, path.parent)
     unit = "N/m" if chain.laws[0].joint == "prismatic" else "N m/rad"
     for number, stiffness in enumerate(stiffness_at_rest(chain), start=1):
-        joint = root.find(f"joint[@name='joint_{number}']")
-        assert joint is not None
+        hinge = root.find(f"joint[@name='joint_{number}']")
+        assert hinge is not None
         rows = "; ".join(" ".join(f"{value:.9g}" for value in row) for row in stiffness)
-        joint.append(Comment(f" stiffness at rest about {' '.join(chain.axes)}: {rows} {unit} "))
+        hinge.append(Comment(f" stiffness at rest about {' '.join(chain.axes)}: {rows} {unit} "))
     path.write_text(document(root) + "\n", encoding="utf-8")
     return (path, *surfaces.written, *collisions.written)
-
-
-def _place_base(root: Element, chain: ChainModel) -> None:
-    add_link(root, "world", MassProperties.none())
-    joint = add_joint(root, "base", "fixed", "world", "base")
-    add_origin(joint, chain.base_position_m, np.asarray(chain.base_rotation, float))
 
 
 def _dress(link: Element, looks: ChainModel | None, body: int, surfaces: SurfaceFiles, start: Path) -> None:

@@ -155,7 +155,7 @@ class RodSolver(ModuleSolver):
 
     @abstractmethod
     def _undeformed(self) -> Array:
-        """x at rest."""
+        """(n,) the unknowns x of the undeformed rod."""
 
     @abstractmethod
     def _frame(self, x: Array) -> tuple[Array, float]:

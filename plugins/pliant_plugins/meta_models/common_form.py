@@ -19,6 +19,7 @@ from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 ARRAYS = ("centre", "directions", "reference", "solved", "extent", "margin", "spread")
+PREFIX = "form_"
 TRENDS = ("sizes", "edges")
 TREND_PARTS = ("coefficients", "weights", "widths", "places")
 
@@ -99,7 +100,7 @@ class CommonForm:
     def domain(self, values: Array) -> Domain:
         """The box of a design (d,): where designs like it have trusted states."""
         place = self.parameters(values[None])
-        return self._domain(self.sizes_at(place)[0, :-1], self._box(place))
+        return Domain(np.array(self.actuation), self._box(place) * self.sizes_at(place)[0, :-1, None])
 
     def law(self, values: Array, targets: Array) -> JointLaw:
         """The law of a design (d,) with targets (q,): stable, on the box that designs like it have."""
@@ -107,7 +108,17 @@ class CommonForm:
         sizes, box = self.sizes_at(place)[0], self._box(place)
         lifted = self._stable(place[0], np.asarray(targets, float), box)
         coefficients = sizes[-1] * (self.centre + self.directions @ lifted)
-        return self._law(coefficients, sizes[:-1], self._domain(sizes[:-1], box))
+        reach = sizes[:-1]
+        domain = Domain(np.array(self.actuation), box * reach[:, None])
+        x_map, u_map = np.array([0.0, self.largest_actuation]), np.column_stack([np.zeros(len(reach)), reach])
+        common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
+        if len(self.axes) > 1:
+            basis = EnergyBasis(self.exponents, x_map, u_map)
+            return EnergyLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
+        i, j = self.exponents.T
+        table = np.zeros((i.max() + 1, j.max()))
+        table[i, j - 1] = -coefficients * j / reach[0]
+        return PolynomialLaw(table, x_map, u_map[0], domain, **common)  # type: ignore[arg-type]
 
     def _stable(self, place: Array, targets: Array, box: Array) -> Array:
         """Targets whose law is stable: moved as little as may be, in the mean effort, if need be.
@@ -132,22 +143,8 @@ class CommonForm:
         found = self.edges(place).reshape(k, 2)
         return np.clip(found, self.extent[:, :1], self.extent[:, 1:])
 
-    def _domain(self, reach: Array, box: Array) -> Domain:
-        return Domain(np.array(self.actuation), box * reach[:, None])
-
-    def _law(self, coefficients: Array, reach: Array, domain: Domain) -> JointLaw:
-        x_map, u_map = np.array([0.0, self.largest_actuation]), np.column_stack([np.zeros(len(reach)), reach])
-        common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
-        if len(self.axes) > 1:
-            basis = EnergyBasis(self.exponents, x_map, u_map)
-            return EnergyLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
-        i, j = self.exponents.T
-        table = np.zeros((i.max() + 1, j.max()))
-        table[i, j - 1] = -coefficients * j / reach[0]
-        return PolynomialLaw(table, x_map, u_map[0], domain, **common)  # type: ignore[arg-type]
-
-    def record(self, prefix: str = "form_") -> tuple[dict[str, Any], dict[str, Array]]:
-        """Values and arrays from which `of_record` makes the same form; arrays' names led by the prefix."""
+    def record(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Values and arrays from which `of_record` makes the same form; arrays' names led by `form_`."""
         values = {
             "actuation": list(self.actuation),
             "axes": list(self.axes),
@@ -166,22 +163,20 @@ class CommonForm:
         }
         for name in TRENDS:
             arrays |= {f"{name}_{part}": getattr(getattr(self, name), part) for part in TREND_PARTS}
-        return values, {prefix + name: array for name, array in arrays.items()}
+        return values, {PREFIX + name: array for name, array in arrays.items()}
 
     @staticmethod
-    def of_record(
-        values: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str = "form_"
-    ) -> CommonForm:
+    def of_record(values: Mapping[str, Any], arrays: Mapping[str, Array]) -> CommonForm:
         """The form of a record."""
 
         def read(name: str) -> Array:
-            return np.asarray(arrays[prefix + name], float)
+            return np.asarray(arrays[PREFIX + name], float)
 
         fields: dict[str, Any] = {
             "parameters": ParameterMap(
-                read("low"), read("high"), np.asarray(arrays[prefix + "logarithmic"], bool)
+                read("low"), read("high"), np.asarray(arrays[PREFIX + "logarithmic"], bool)
             ),
-            "exponents": np.asarray(arrays[prefix + "exponents"], np.int64),
+            "exponents": np.asarray(arrays[PREFIX + "exponents"], np.int64),
             "actuation": (float(values["actuation"][0]), float(values["actuation"][1])),
             "axes": tuple(values["axes"]),
             "main": int(values["main"]),

@@ -138,7 +138,8 @@ def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
     parameters = ParameterMap.of(designs.values)
     places = parameters(designs.values)
     sizes = Trends.fit(places, np.log(sizes_of(designs)))
-    actuation = _actuation(designs)
+    seen = np.concatenate([data.actuation[fitted(data)] for data in designs.data])
+    actuation = float(seen.min()), float(seen.max())
     scale = max(abs(value) for value in actuation)
     own = np.exp(sizes(places))
     weights, ranges = _weights(designs, own)
@@ -208,11 +209,6 @@ def _enough_states(designs: SolvedDesigns) -> None:
             )
 
 
-def _actuation(designs: SolvedDesigns) -> tuple[float, float]:
-    seen = np.concatenate([data.actuation[fitted(data)] for data in designs.data])
-    return float(seen.min()), float(seen.max())
-
-
 def _weights(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
     """(k,) weight of each axis, one over its mean scaled effort; (k,) its largest effort."""
     means, ranges = [], []
@@ -227,10 +223,8 @@ def _weights(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
 
 def _boxes(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
     """(k, 2) scaled deformations of all designs together, and (n, k, 2) of each (`turned`)."""
-    boxes = []
-    for data, size in zip(designs.data, sizes, strict=True):
-        boxes.append(np.stack(turned(data), axis=1) / size[:-1, None])
-    every = np.array(boxes)
+    pairs = zip(designs.data, sizes, strict=True)
+    every = np.array([np.stack(turned(data), axis=1) / size[:-1, None] for data, size in pairs])
     return np.stack([every[:, :, 0].min(axis=0), every[:, :, 1].max(axis=0)], axis=1), every
 
 

@@ -136,8 +136,7 @@ def sizes_of(designs: SolvedDesigns) -> Array:
     The main axis counts by its free angle at the highest actuation where that state is trusted; one that is not
     is left to the states that are. So the sizes are rough, which matters little: they are scales.
     """
-    found = [_sizes(data) for data in designs.data]
-    return np.array(found)
+    return np.array([_sizes(data) for data in designs.data])
 
 
 def fitted(data: ModuleData) -> NDArray[np.bool_]:

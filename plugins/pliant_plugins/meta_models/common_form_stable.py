@@ -165,13 +165,10 @@ def _negative_definite(slopes: Array) -> Mask:
     if s.shape[1] > 1:
         found &= s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2 > 0
     if s.shape[1] > 2:
-        found &= _determinant(s) > 0
+        determinant = (
+            s[:, 0, 0] * (s[:, 1, 1] * s[:, 2, 2] - s[:, 1, 2] ** 2)
+            - s[:, 0, 1] * (s[:, 0, 1] * s[:, 2, 2] - s[:, 1, 2] * s[:, 0, 2])
+            + s[:, 0, 2] * (s[:, 0, 1] * s[:, 1, 2] - s[:, 1, 1] * s[:, 0, 2])
+        )
+        found &= determinant > 0
     return found
-
-
-def _determinant(s: Array) -> Array:
-    return (
-        s[:, 0, 0] * (s[:, 1, 1] * s[:, 2, 2] - s[:, 1, 2] ** 2)
-        - s[:, 0, 1] * (s[:, 0, 1] * s[:, 2, 2] - s[:, 1, 2] * s[:, 0, 2])
-        + s[:, 0, 2] * (s[:, 0, 1] * s[:, 1, 2] - s[:, 1, 1] * s[:, 0, 2])
-    )

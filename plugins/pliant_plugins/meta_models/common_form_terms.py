@@ -76,21 +76,25 @@ def equations(
     reach, energy = sizes[:-1], sizes[-1]
     basis, k = scaled_basis(exponents), len(data.axes)
     x, v = data.actuation[keep] / actuation, data.deformation[keep] / reach
+
+    def rows_of(*places: int) -> Array:
+        # τ = −∂Π/∂u: the minus sign of every row.
+        return -basis.derivative(x, v, unit(k, *places))
+
     blocks: list[tuple[Array, Array, bool]] = []
     for i in range(k):
         to_unit = weights[i] * reach[i] / energy
-        blocks.append((weights[i] * _of(basis, x, v, unit(k, 1 + i)), to_unit * data.tau[keep, i], True))
+        blocks.append((weights[i] * rows_of(1 + i), to_unit * data.tau[keep, i], True))
         by_p = SLOPE_WEIGHT * to_unit * actuation * data.dtau_dp[keep, i]
-        blocks.append((SLOPE_WEIGHT * weights[i] * _of(basis, x, v, unit(k, 0, 1 + i)), by_p, False))
+        blocks.append((SLOPE_WEIGHT * weights[i] * rows_of(0, 1 + i), by_p, False))
         for j in range(i, k):
             weight = SLOPE_WEIGHT * np.sqrt(weights[i] * weights[j])
             by_u = weight * reach[i] * reach[j] / energy * data.dtau_du[keep, i, j]
-            blocks.append((weight * _of(basis, x, v, unit(k, 1 + i, 1 + j)), by_u, False))
+            blocks.append((weight * rows_of(1 + i, 1 + j), by_u, False))
     n = int(keep.sum())
     blocks = [_tempered(*block) for block in blocks]
-    rows, right = np.concatenate([b[0] for b in blocks]), np.concatenate([b[1] for b in blocks])
-    state = np.tile(np.arange(n), len(blocks))
-    value = np.repeat([b[2] for b in blocks], n)
+    rows, right = (np.concatenate([block[k] for block in blocks]) for k in (0, 1))
+    state, value = np.tile(np.arange(n), len(blocks)), np.repeat([block[2] for block in blocks], n)
     known = np.isfinite(right)
     return Equations(rows[known], right[known], state[known], value[known])
 
@@ -100,11 +104,6 @@ def _tempered(rows: Array, right: Array, value: bool) -> tuple[Array, Array, boo
     size = np.where(np.isfinite(right), np.abs(right), 0.0) / (LARGE if value else LARGE * SLOPE_WEIGHT * 2)
     weight = 1 / np.sqrt(1 + size**2)
     return rows * weight[:, None], right * weight, value
-
-
-def _of(basis: EnergyBasis, x: Array, v: Array, orders: tuple[int, ...]) -> Array:
-    # τ = −∂Π/∂u: the minus sign of every row.
-    return -basis.derivative(x, v, orders)
 
 
 def term_sets(axes: int, main: int, even: bool) -> list[Exponents]:

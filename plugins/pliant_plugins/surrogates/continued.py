@@ -39,10 +39,6 @@ class ContinuedLaw(JointLaw):
     def _areas(self, p: Array, u: Array) -> Array:
         """(2, n) ∫ τ du and ∫ ∂p τ du from some angle, the same for all p, to u; points of the box."""
 
-    def _least_reach(self) -> float:
-        """L on a border that is unstable already."""
-        return 1e-3 * float(np.ptp(self.domain.actuation)) / 2
-
     def _continue(self) -> None:
         """Read the continuation off the law on its border; called once, when the law is made."""
         # Neutral values first: the true ones need the law.
@@ -113,7 +109,11 @@ class ContinuedLaw(JointLaw):
             return np.inf, float(gain[-1])
         reach = STIFFNESS_SHARE * np.min(np.maximum(-slope[harmful], 0.0) / softening[harmful])
         # An unstable border has nothing to protect: the law reports it, τ only has to stay defined.
-        return float(max(reach, self._least_reach())), float(gain[-1])
+        return float(max(reach, 1e-3 * self._half_width())), float(gain[-1])
+
+    def _half_width(self) -> float:
+        """Of the box in p."""
+        return float(np.ptp(self.domain.actuation)) / 2
 
     def _antiderivative(self, p: Array, u: Array) -> Array:
         """∫ τ du at fixed p, up to a function of p alone."""

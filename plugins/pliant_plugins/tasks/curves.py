@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,10 +10,13 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
+from pliant.tabular.schema import Known, Schema, read_columns
+from pliant.tabular.text import open_sheet
 
 # Points of a curve that are kept for pictures.
 DRAWN = 61
 COLUMNS = ("x_m", "y_m", "z_m")
+POINTS = Schema(tuple(Known(axis, "_m", "m", "output") for axis in "xyz"), ",".join(COLUMNS))
 
 
 def helix(radius_m: float, height_m: float, turns: float, right_handed: bool, count: int = 1001) -> Array:
@@ -39,24 +41,19 @@ def leaving_along_x(points: Array) -> Array:
 
 
 def read_points(path: Path) -> Array:
-    """(n, 3) points of a CSV with the columns x_m, y_m, z_m; lines that start with # are comments.
+    """(n, 3) points of a CSV with the columns x_m, y_m, z_m, or in other units.
 
     Raises:
         UserError: the file, its columns or a number is wrong; or it has fewer than two different points.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [(n, line) for n, line in enumerate(file, start=1) if line.strip() and line[0] != "#"]
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text in UTF-8"
-        raise UserError(f"{path} cannot be read ({why}); 'target.points' needs a CSV of points.") from None
-    rows = csv.DictReader(line for _, line in lines)
-    missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
-    if missing:
-        raise UserError(f"{path} has no column {missing[0]}; a curve needs x_m, y_m and z_m.")
-    points = np.array(
-        [[_number(path, n, row[c], c) for c in COLUMNS] for (n, _), row in zip(lines[1:], rows, strict=True)]
-    )
+    with open_sheet(path, POINTS.example) as sheet:
+        columns = POINTS.matched(path, sheet.header)
+        if missing := [name for name in COLUMNS if name not in columns]:
+            raise UserError(f"{path} has no column {missing[0]}; a curve needs x_m, y_m and z_m.")
+        rows = read_columns(sheet, columns)
+    points = np.stack([rows.numbers[name] for name in COLUMNS], axis=1)
+    for row, k in np.argwhere(np.isnan(points)).tolist():
+        raise UserError(f"{path}, line {rows.lines[row]}: {COLUMNS[k]} is blank; it needs a finite number.")
     if len(points) < 2 or not np.ptp(points, axis=0).any():
         raise UserError(f"{path} has fewer than two different points; a curve needs at least two.")
     return points
@@ -102,13 +99,3 @@ class Distances:
         """Distances of points (n, 3) to those of the target with the same numbers."""
         apart = np.linalg.norm(points - target, axis=1)
         return Distances(float(np.sqrt(np.mean(apart**2))), float(apart.mean()), float(apart.max()))
-
-
-def _number(path: Path, line: int, text: str | None, column: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise UserError(f"{path}, line {line}: {column} is '{text}'; it needs a finite number.")
-    return value

@@ -17,6 +17,8 @@ from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, 
 OF_CHAINS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_displacement_m")
 OF_BENDING = ("bend_angle_rad", "max_joint_angle_rad")
 OF_EXTENSION = ("extension_m", "extension_strain")
+# What `result_of` measures, of chains that bend and of chains that extend.
+MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, "unsettled_levels")
 
 
 def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
@@ -61,9 +63,6 @@ def _placed(chain: ChainModel, points: Sequence[Ring], joint_angles: Array) -> A
     return np.array([pose.origins[p.body] + pose.rotations[p.body] @ p.point_m for p in points])
 
 
-# What `result_of` measures, of chains that bend and of chains that extend.
-MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, "unsettled_levels")
-
 # A joint that is further outside its law's box than this share of the box's width, or turned further than this, is
 # no answer: the law is a continuation there, and would carry any load.
 FAR_WIDTHS = 0.25
@@ -97,11 +96,17 @@ def result_of(
     each joint and variable over all of them. `asked` are the levels that the task is about: if one of them did not
     hold, `not_reached` says which, why, and which level held last.
     """
+    worst: dict[tuple[int, str], OutsideDomain] = {}
+    for level, one in zip(levels, found, strict=True):
+        for entry in one.outside_domain:
+            key = (entry.module, entry.variable)
+            if key not in worst or abs(entry.excess) > abs(worst[key].excess):
+                worst[key] = replace(entry, time_s=level.time_s)
     final = replace(
         found[-1],
         iterations=sum(one.iterations for one in found),
         wall_s=sum(one.wall_s for one in found),
-        outside_domain=_worst_outside(levels, found),
+        outside_domain=tuple(worst[key] for key in sorted(worst)),
     )
     inputs = list(levels[-1].inputs.actuation)
     rollout = Rollout(
@@ -144,16 +149,6 @@ def _not_reached(
             last = f"the last level that held is {held[-1]}" if held else "no level before it held"
             return f"At {levels[index].name} the chain {reason}; {last}."
     return ""
-
-
-def _worst_outside(levels: Sequence[Level], found: Sequence[Equilibrium]) -> tuple[OutsideDomain, ...]:
-    worst: dict[tuple[int, str], OutsideDomain] = {}
-    for level, one in zip(levels, found, strict=True):
-        for entry in one.outside_domain:
-            key = (entry.module, entry.variable)
-            if key not in worst or abs(entry.excess) > abs(worst[key].excess):
-                worst[key] = replace(entry, time_s=level.time_s)
-    return tuple(worst[key] for key in sorted(worst))
 
 
 def as_list(points: Array) -> list[object]:

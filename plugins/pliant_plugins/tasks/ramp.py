@@ -1,19 +1,20 @@
-"""What the quasi-static tasks share: their drive and the ramp to it."""
+"""Chains that are ramped to their full actuation: the drive that quasi-static tasks share, free bending, tip load."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import Simulation
-from pliant.interfaces.task import TaskConfig
+from pliant.interfaces.task import Task, TaskConfig
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs, TaskResult
-from pliant.units import Force, Pressure
-from pliant_plugins.tasks.levels import Level, result_of, settle_levels
+from pliant.units import Force, Mass, Pressure
+from pliant_plugins.tasks.levels import MEASURED, Level, result_of, settle_levels
 
 
 class ActuatedConfig(TaskConfig):
@@ -75,19 +76,65 @@ def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[floa
 def ramp_levels(
     chain: ChainModel, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)
 ) -> list[Level]:
-    """Equal steps of the actuation from zero; their time is the share of the ramp."""
+    """Equal steps of the actuation from zero; their time is the share of the ramp, their name such as "12 kPa"."""
     full = config.actuation(chain)
     shares = np.linspace(0.0, 1.0, config.steps) if config.steps > 1 else np.ones(1)
     force = np.array(tip_force_n, float)
+    name, most = max(full.items(), key=lambda item: abs(item[1]))
+    factor, unit = (1e3, "kPa") if name.endswith("_pa") else (1.0, "N")
     return [
         Level(
-            share, Inputs({name: share * value for name, value in full.items()}, force), _drive(full, share)
+            share,
+            Inputs({name: share * value for name, value in full.items()}, force),
+            f"{share * most / factor:g} {unit}",
         )
         for share in shares.tolist()
     ]
 
 
-def _drive(full: Mapping[str, float], share: float) -> str:
-    """The level for people: "12 kPa"."""
-    name, value = max(full.items(), key=lambda item: abs(item[1]))
-    return f"{share * value / 1e3:g} kPa" if name.endswith("_pa") else f"{share * value:g} N"
+class FreeBendingConfig(DriveConfig):
+    """``task: {kind: free_bending, pressure: 15 kPa}``; `tendon_force` instead for tendons; `steps` levels.
+
+    Gravity and payload are the chain's.
+    """
+
+    kind: Literal["free_bending"] = "free_bending"
+
+
+class FreeBending(Task):
+    """Ramps the actuation from zero and measures the settled chain."""
+
+    config: FreeBendingConfig
+
+    def measures(self) -> tuple[str, ...]:
+        return MEASURED
+
+    def run(self, simulation: Simulation) -> TaskResult:
+        return ramp(simulation, self.config)
+
+
+class TipLoadConfig(DriveConfig):
+    """``task: {kind: tip_load, pressure: 15 kPa, payload: 13 g}``; loads act at every level of the ramp."""
+
+    kind: Literal["tip_load"] = "tip_load"
+    payload_kg: Mass | None = Field(
+        default=None, ge=0.0, description="point mass at the tip; left out, the chain's own payload stays"
+    )
+    tip_force_n: tuple[Force, Force, Force] = Field(
+        default=(0.0, 0.0, 0.0), description="dead force at the tip, world frame"
+    )
+
+
+class TipLoad(Task):
+    """Loads the tip, ramps the actuation from zero and measures the settled chain."""
+
+    config: TipLoadConfig
+
+    def prepare(self, chain: ChainModel) -> ChainModel:
+        return chain if self.config.payload_kg is None else chain.with_(payload_kg=self.config.payload_kg)
+
+    def measures(self) -> tuple[str, ...]:
+        return MEASURED
+
+    def run(self, simulation: Simulation) -> TaskResult:
+        return ramp(simulation, self.config, self.config.tip_force_n)

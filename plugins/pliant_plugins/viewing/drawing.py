@@ -41,7 +41,7 @@ class Extent:
 
     @property
     def size_m(self) -> float:
-        """Its diagonal."""
+        """Diagonal of the box around what is drawn, m."""
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
 
@@ -62,13 +62,16 @@ class Drawing:
         picture: tuple[int, int],
         sliders: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
-        scene = replace(scene, arms=tuple(replace(arm, chain=dressed(arm.chain)) for arm in scene.arms))
-        self.scene = scene
+        self.scene = replace(scene, arms=tuple(replace(arm, chain=dressed(arm.chain)) for arm in scene.arms))
+        scene = self.scene
         self._geometries = [ChainGeometry.of(arm.chain) for arm in scene.arms]
         self._straight = [g.forward(np.zeros((g.n_joints, len(g.axes)))) for g in self._geometries]
         self._skins = [skin_of(arm.chain) for arm in scene.arms]
         self.extent = self._extent(frames)
-        self.square_m = _round_length(self.extent.size_m / 8)
+        target = self.extent.size_m / 8
+        power = 10.0 ** np.floor(np.log10(target))
+        # The largest of 1, 2, 5 × 10ⁿ that is not above the target.
+        self.square_m = float(max(f * power for f in (1.0, 2.0, 5.0) if f * power <= target * (1 + 1e-9)))
         spec = self._spec(picture)
         _add_sliders(spec, sliders or {})
         self.model = spec.compile()
@@ -105,7 +108,9 @@ class Drawing:
         spec.visual.headlight.ambient = [0.36] * 3
         spec.visual.headlight.diffuse = [0.32] * 3
         spec.visual.headlight.specular = [0.06] * 3
-        _surroundings(spec, self._floor_m(), self.square_m, box.mean(axis=0), size)
+        floor = self.scene.floor_m
+        below = float(box[0, 2] - 0.12 * size)  # all that moves
+        _surroundings(spec, below if floor is None else floor, self.square_m, box.mean(axis=0), size)
         for number, arm in enumerate(self.scene.arms):
             self._add_arm(spec, number, arm.chain, self._skins[number])
         for number, thing in enumerate(self.scene.objects):
@@ -178,44 +183,19 @@ class Drawing:
         every = np.concatenate(points)
         return Extent(np.array([every.min(axis=0), every.max(axis=0)]), every)
 
-    def _floor_m(self) -> float:
-        """The scene's floor, or one below all that moves."""
-        if self.scene.floor_m is not None:
-            return self.scene.floor_m
-        return float(self.extent.box[0, 2] - 0.12 * self.extent.size_m)
-
 
 def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: Array, size_m: float) -> None:
     """White sky, a floor with a grid of `square_m`, a lamp with shadows."""
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[1.0, 1.0, 1.0],
-        rgb2=PAPER,
-        width=256,
-        height=256,
-    )
-    spec.add_texture(
-        name="grid",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-        mark=mujoco.mjtMark.mjMARK_EDGE,
-        rgb1=PAPER,
-        rgb2=PAPER,
-        markrgb=LINE,
-        width=80,
-        height=80,
-    )
+    sky = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, "rgb1": [1.0] * 3, "width": 256, "height": 256}
+    spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, rgb2=PAPER, **sky)
+    edge = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT, "mark": mujoco.mjtMark.mjMARK_EDGE, "markrgb": LINE}
+    flat = {"rgb1": PAPER, "rgb2": PAPER, "width": 80, "height": 80}
+    spec.add_texture(name="grid", type=mujoco.mjtTexture.mjTEXTURE_2D, **edge, **flat)
     material = spec.add_material(name="floor", texrepeat=[1 / square_m, 1 / square_m], texuniform=True)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     material.specular, material.reflectance, material.emission = 0.0, 0.0, 0.15
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        pos=[0.0, 0.0, floor_m],
-        size=[40 * size_m, 40 * size_m, square_m],
-        material="floor",
-    )
+    plane = {"pos": [0.0, 0.0, floor_m], "size": [40 * size_m, 40 * size_m, square_m], "material": "floor"}
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, **plane)
     lamp = spec.worldbody.add_light(pos=centre + size_m * np.array([0.9, -1.3, 3.0]))
     lamp.dir = [-0.3, 0.43, -1.0]
     lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
@@ -264,9 +244,3 @@ def _mount(skin: Skin, straight: Pose, thickness_m: float) -> tuple[Array, Array
     low, high = local.min(axis=0), local.max(axis=0)
     middle, half = 0.5 * (low + high), 0.575 * (high - low)
     return np.array([-0.5 * thickness_m, *middle[1:]]), np.array([0.5 * thickness_m, *half[1:]])
-
-
-def _round_length(target_m: float) -> float:
-    """The largest of 1, 2, 5 × 10ⁿ that is not above the target."""
-    power = 10.0 ** np.floor(np.log10(target_m))
-    return float(max(f * power for f in (1.0, 2.0, 5.0) if f * power <= target_m * (1 + 1e-9)))

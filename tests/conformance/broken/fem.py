@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from inspect import signature
 from typing import Any
@@ -28,6 +29,17 @@ def altered(state: FemState, **changes: float) -> FemState:
     return replace(state, **arrays)
 
 
+KNOWN: dict[Any, Any] = {}
+
+
+def known(problem: ModuleProblem, what: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+    """What the good backend makes of one of the suite's problems: solved once for all broken ones."""
+    key = (problem.energy_scale, problem.axes, problem.joint, problem.actuation, *what)
+    if key not in KNOWN:
+        KNOWN[key] = make()
+    return KNOWN[key]
+
+
 class Wrapped(ModuleSolver):
     """Passes everything on; `seen` may change each state."""
 
@@ -38,13 +50,15 @@ class Wrapped(ModuleSolver):
         return state
 
     def rest(self) -> FemState:
-        return self.seen(self.inner.rest())
+        return self.seen(known(self.problem, ("rest",), self.inner.rest))
 
     def free(self, actuation: float, start: FemState) -> FemState:
         return self.seen(self.inner.free(actuation, start))
 
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
-        return self.seen(self.inner.constrained(actuation, held, start))
+        from_where = (actuation, str(held), start.actuation, start.deformation.tobytes())
+        make = functools.partial(self.inner.constrained, actuation, held, start)
+        return self.seen(known(self.problem, from_where, make))
 
     def deformed_nodes(self, state: FemState) -> Array:
         return self.inner.deformed_nodes(state)
@@ -56,7 +70,8 @@ class Falsified(Skfem):
     wrapper: type[Wrapped] = Wrapped
 
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
-        return self.wrapper(super().solver(problem, material), problem)
+        make = functools.partial(super().solver, problem, material)
+        return self.wrapper(known(problem, ("solver", problem.frame), make), problem)
 
 
 variants = Variants(next(c for c in pliant_components() if c.interface == "fem" and c.kind == "skfem"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,58 +11,36 @@ from tests.conformance.broken.physics import Engine, variants
 
 from pliant.interfaces.physics import Capabilities, SceneSimulation
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs, OutsideDomain
-from pliant.records.scene import Contact, Scene, SceneState
+from pliant.records.scene import Scene, SceneState
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 
 
-class Wrapped(SceneSimulation):
-    """A scene of MuJoCo, unchanged."""
+def _passing_on(name: str) -> Callable[..., Any]:
+    return lambda self, *given: getattr(self.inner, name)(*given)
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.inner = Mujoco(MujocoConfig()).build_scene(scene)
 
-    def apply(self, inputs: Sequence[Inputs]) -> None:
-        self.inner.apply(inputs)
+def _wrap(self: Any, scene: Scene) -> None:
+    self.scene, self.inner = scene, Mujoco(MujocoConfig()).build_scene(scene)
 
-    def carry(self, velocity_m_s: Array) -> None:
-        self.inner.carry(velocity_m_s)
 
-    def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
-        self.inner.push(index, force_n, moment_n_m)
-
-    def step(self, duration_s: float) -> None:
-        self.inner.step(duration_s)
-
-    def snapshot(self) -> SceneState:
-        return self.inner.snapshot()
-
-    def restore(self, state: SceneState) -> None:
-        self.inner.restore(state)
-
-    def markers(self, arm: int) -> Array:
-        return self.inner.markers(arm)
-
-    def contacts(self) -> tuple[Contact, ...]:
-        return self.inner.contacts()
-
-    def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        return self.inner.outside_domain()
-
-    def close(self) -> None:
-        self.inner.close()
+METHODS = [*SceneSimulation.__abstractmethods__, "close"]
+# A scene of MuJoCo, unchanged.
+Wrapped: Any = type(
+    "Wrapped",
+    (SceneSimulation,),
+    {"__module__": __name__, "__init__": _wrap, **{name: _passing_on(name) for name in METHODS}},
+)
 
 
 class Scenes(Engine):
     """The stand-in with scenes: `wrapper` is what it builds, from the scene that `placed` gives."""
 
     capabilities = Capabilities(("revolute",), dynamic=True, contacts=True)
-    wrapper: type[Wrapped] = Wrapped
+    wrapper = Wrapped
 
     def build_scene(self, scene: Scene) -> SceneSimulation:
-        return self.wrapper(self.placed(scene))
+        return self.wrapper(self.placed(scene))  # type: ignore[no-any-return]
 
     def placed(self, scene: Scene) -> Scene:
         return scene

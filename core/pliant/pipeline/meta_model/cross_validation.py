@@ -310,7 +310,7 @@ class Scores:
         return self._of_worst_axis("rmse_of_range")
 
     def as_values(self) -> dict[str, Any]:
-        """As JSON values."""
+        """The scores as JSON values."""
         summary = {name: getattr(self, name) for name in ("r2", "worst_of_range", "rmse_of_range")}
         return {**vars(self), **summary, "axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
 

@@ -57,7 +57,7 @@ class Proposal:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """By name."""
+        """The design's parameters by name, SI."""
         return dict(zip(self.names, self.values, strict=True))
 
 

@@ -69,7 +69,7 @@ class MetaModelStage:
 
     @property
     def designs(self) -> SolvedDesigns:
-        """The solved designs."""
+        """The designs that the meta-model learned from."""
         return self.solved.designs
 
     def values(self, family: FamilyConfig, material: MaterialConfig | None) -> Array:

@@ -84,7 +84,7 @@ class Box:
         return np.stack([(2 * c - low - high) / (high - low) for c, (low, high) in sides], axis=1)
 
     def lattice(self) -> tuple[Array, Array]:
-        """Candidates, both (LATTICE²,)."""
+        """Actuations and deformations (LATTICE²,) of the candidate states."""
         low, high = self.deformation
         sides = (self.actuation, (0.0 if self.symmetric else low, high))
         p, u = np.meshgrid(*(np.linspace(*side, LATTICE) for side in sides))

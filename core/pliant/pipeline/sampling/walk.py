@@ -62,7 +62,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A solved target."""
+    """A target of the sampling with the state that FEM found for it."""
 
     target: Target
     state: FemState

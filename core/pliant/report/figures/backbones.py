@@ -56,7 +56,7 @@ def backbone_picture(result: TaskResult) -> style.Png | None:
 
 
 def caption(result: TaskResult) -> str:
-    """What `backbone_picture` shows."""
+    """The caption of `backbone_picture`."""
     if "target_points_m" in result.metrics:
         return "The settled backbone and the target, at equal scales; points correspond at equal shares of length."
     return "The chain settled under each load, at equal scales; dots are base, ends of segments and tip."

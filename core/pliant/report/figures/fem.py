@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
 from pliant.records.fem import TRUSTED, FemDataset, ModuleData
 from pliant.report.fem_view import axis_record, explored_kinds, foretold_axes, solved_rows
 from pliant.report.figures import style
@@ -45,7 +43,7 @@ def states_picture(data: ModuleData) -> style.Png:
     columns = len(panels) if len(panels) < 4 else 2
     rows = -(-len(panels) // columns)
     p_unit = actuation_unit(data.actuation_name)
-    norm = Normalize(0.0, (float(data.actuation.max()) or 1.0) * p_unit.factor)
+    norm = Normalize(0.0, float(data.actuation.max()) or 1.0)
     with style.canvas(1560, 560 * rows if rows > 1 else 640, wspace=0.03) as figure:
         grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         _free(grid[0], data, norm)
@@ -53,10 +51,9 @@ def states_picture(data: ModuleData) -> style.Png:
             _held(place, data, name, norm)
         for place in grid[len(panels) :]:
             place.set_axis_off()
-        mapped = ScalarMappable(norm, style.pressure_map())
-        bar = figure.colorbar(mapped, ax=grid.tolist(), fraction=0.03, pad=0.015)
-        bar.set_label(f"{actuation_word(data)} ({p_unit.symbol})")
-        bar.outline.set_visible(False)
+        shown = (Normalize(0.0, p_unit.factor * (float(data.actuation.max()) or 1.0)), style.pressure_map())
+        label = f"{actuation_word(data)} ({p_unit.symbol})"
+        style.colour_bar(figure, shown, label, ax=grid.tolist(), fraction=0.03, pad=0.015)
         _legend(figure, data)
         return style.png(figure)
 
@@ -87,7 +84,7 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
     order = np.argsort(free.actuation, kind="stable")
     p, u = free.actuation[order] * p_unit.factor, free.angle_rad[order] * u_unit.factor
     axes.plot(p, u, color=style.SOFT, lw=1.1, zorder=2)
-    _points(axes, free, free.actuation * p_unit.factor, free.angle_rad * u_unit.factor, norm, p_unit)
+    state_points(axes, free, free.actuation * p_unit.factor, free.angle_rad * u_unit.factor, norm)
     axes.set(
         xlabel=f"{actuation_word(data)} ({p_unit.symbol})",
         ylabel=coordinate_words(data, data.main_axis),
@@ -98,8 +95,7 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
 def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     """τ over u of one axis, with lines between states of one actuation, and failed states at the foot."""
     one = data.axis(name)
-    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
-    effort = effort_unit(data)
+    u_unit, effort = deformation_unit(data), effort_unit(data)
     x, y = one.angle_rad * u_unit.factor, one.moment_n_m * effort.factor
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     colours = style.pressure_map()
@@ -107,8 +103,8 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
         chosen = np.flatnonzero((one.actuation == level) & (one.role == "fit"))
         if len(chosen) >= FEWEST_OF_A_LEVEL:
             chosen = chosen[np.argsort(x[chosen], kind="stable")]
-            axes.plot(x[chosen], y[chosen], color=colours(norm(level * p_unit.factor)), lw=0.8, zorder=2)
-    _points(axes, one, x, y, norm, p_unit)
+            axes.plot(x[chosen], y[chosen], color=colours(norm(level)), lw=0.8, zorder=2)
+    state_points(axes, one, x, y, norm)
     lost = [f["angle_rad"] for f in one.failed if isinstance(f.get("angle_rad"), int | float)]
     if lost:
         foot = axes.get_ylim()[0]
@@ -126,38 +122,33 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     axes.set_title(f"Held about {name}; {follows}" if several else "Held: the effort that opposes actuation")
 
 
-def _points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, p_unit: Unit) -> None:
-    """States as points: filled = to fit, open = check, cross = self-contact."""
-    groups = Groups.of(data)
-    shade = style.pressure_map()(norm(data.actuation * p_unit.factor))
+def state_points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, many: bool = False) -> None:
+    """States as points in the colours of their actuation: filled = to fit, open = check, cross = self-contact."""
+    groups, size = Groups.of(data), 3 if many else SIZE
+    shade = style.pressure_map()(norm(data.actuation))
     g = groups.fit
-    axes.scatter(x[g], y[g], SIZE, color=shade[g], edgecolor="white", linewidths=0.4, zorder=4)
-    g = groups.check
-    axes.scatter(
-        x[g], y[g], 1.4 * SIZE, marker="D", facecolor="white", edgecolor=shade[g], linewidths=1.2, zorder=5
-    )
+    axes.scatter(x[g], y[g], size, color=shade[g], edgecolor="white", linewidths=0 if many else 0.4, zorder=4)
+    g, edge = groups.check, 0.5 if many else 1.2
+    open_ = {"marker": "D", "facecolor": "white", "linewidths": edge, "zorder": 5}
+    axes.scatter(x[g], y[g], 1.4 * size, edgecolor=shade[g], **open_)
     g = groups.untrusted
-    axes.scatter(x[g], y[g], 1.3 * SIZE, marker="x", color=style.WARN, linewidths=1.3, zorder=5)
+    axes.scatter(x[g], y[g], 1.3 * size, marker="x", color=style.WARN, linewidths=1.3, zorder=5)
 
 
 def _legend(figure: Any, data: ModuleData) -> None:
     shown = np.isin(data.explored, data.explored_axes())
     trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
-
-    def entry(label: str, marker: str, **look: Any) -> Line2D:
-        return Line2D([], [], ls="", label=label, marker=marker, ms=5.5, **look)
-
+    to_fit, never = int(np.sum(shown & trusted & ~check)), int(np.sum(shown & trusted & check))
     handles = [
-        entry(f"to fit ({int(np.sum(shown & trusted & ~check))})", "o", color=style.SOFT),
-        entry(
-            f"check, never fitted ({int(np.sum(shown & trusted & check))})", "D", mfc="white", mec=style.SOFT
-        ),
+        style.entry(f"to fit ({to_fit})", "o", ms=5.5, color=style.SOFT),
+        style.entry(f"check, never fitted ({never})", "D", ms=5.5, mfc="white", mec=style.SOFT),
     ]
     if contact := int(np.sum(shown & ~trusted)):
-        handles.append(entry(f"self-contact ({contact})", "x", color=style.WARN))
+        handles.append(style.entry(f"self-contact ({contact})", "x", ms=5.5, color=style.WARN))
     if data.failed:
-        handles.append(entry(f"failed ({len(data.failed)}), at the foot", "^", color=style.WARN))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handletextpad=0.3)
+        failed = f"failed ({len(data.failed)}), at the foot"
+        handles.append(style.entry(failed, "^", ms=5.5, color=style.WARN))
+    style.key_below(figure, handles)
 
 
 SMALLEST_MISS = 1e-8  # a share of the range below which a miss is rounding

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import Normalize
-from matplotlib.lines import Line2D
 
-from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
 from pliant.report.figures import style
-from pliant.report.figures.fem import Groups
+from pliant.report.figures.fem import Groups, state_points
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.run_view import actuation, band_of, law_of, main_axis, ran, study_form, study_form_effort
 
@@ -56,42 +55,25 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
         tau = effort.factor * law_of(design, np.full(len(u), level), u)
         axes.plot(u * u_unit.factor, tau, color=colours(norm(level)), lw=1.5, zorder=2)
         if (half := band_of(design, np.full(len(u), level), u)) is not None:
-            half = effort.factor * half
-            axes.fill_between(
-                u * u_unit.factor,
-                tau - half,
-                tau + half,
-                color=colours(norm(level)),
-                alpha=0.22,
-                lw=0,
-                zorder=1.5,
-            )
+            half, look = effort.factor * half, {"color": colours(norm(level)), "alpha": 0.22, "lw": 0}
+            axes.fill_between(u * u_unit.factor, tau - half, tau + half, zorder=1.5, **look)
         ends.append(float(tau[-1]))
     if data is not None:
-        _states(axes, data, colours, norm, u_unit, effort)
+        x, y = data.angle_rad * u_unit.factor, data.moment_n_m * effort.factor
+        state_points(axes, data, x, y, norm, len(data) > MANY)
     axes.margins(x=0.03)
     left, right = axes.get_xlim()
     axes.set_xlim(left, right + (0.15 if compact else 0.1) * (right - left))
     labels = [number(level * p_unit.factor, 3) for level in levels]
     labels[-1] += f" {p_unit.symbol}"
     for label, level, end, place in zip(labels, levels, ends, _apart(ends, axes.get_ylim()), strict=True):
-        axes.annotate(
-            label,
-            (high * u_unit.factor, end),
-            (high * u_unit.factor + 0.02 * (right - left), place),
-            textcoords="data",
-            ha="left",
-            va="center",
-            fontsize=8,
-            color=colours(norm(level)),
-        )
+        at, beside = (high * u_unit.factor, end), (high * u_unit.factor + 0.02 * (right - left), place)
+        look = {"ha": "left", "va": "center", "fontsize": 8, "color": colours(norm(level))}
+        axes.annotate(label, at, beside, textcoords="data", **look)
     axis = law.axes[main_axis(law, data.axis if data else "y")]
-    symbol = _symbol(law)
+    about = f" about {axis}" if len(law.axes) > 1 else ""
     axes.set(
-        xlabel=f"{symbol} $u$ about {axis} ({u_unit.symbol})"
-        if len(law.axes) > 1
-        else f"{symbol} $u$ ({u_unit.symbol})",
-        ylabel=rf"effort $\tau$ ({effort.symbol})",
+        xlabel=f"{_symbol(law)} $u${about} ({u_unit.symbol})", ylabel=rf"effort $\tau$ ({effort.symbol})"
     )
     source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
     if data is None:
@@ -215,44 +197,15 @@ def angle_range(run: FinishedRun, design: DesignResult) -> tuple[float, float]:
     return (low if np.isfinite(low) else -0.5 * largest), (high if np.isfinite(high) else 1.2 * largest)
 
 
-def _states(axes: Any, data: FemDataset, colours: Any, norm: Any, u_unit: Unit, effort: Unit) -> None:
-    groups = Groups.of(data)
-    many = len(data) > MANY
-    size = 3 if many else 24
-    x, y = data.angle_rad * u_unit.factor, data.moment_n_m * effort.factor
-    shade = colours(norm(data.actuation))
-    g = groups.fit
-    axes.scatter(x[g], y[g], size, color=shade[g], edgecolor="white", linewidths=0 if many else 0.4, zorder=4)
-    g = groups.check
-    axes.scatter(
-        x[g],
-        y[g],
-        1.5 * size,
-        marker="D",
-        facecolor="white",
-        edgecolor=shade[g],
-        linewidths=0.5 if many else 1.2,
-        zorder=5,
-    )
-    g = groups.untrusted
-    if g.any():
-        axes.scatter(x[g], y[g], 1.3 * size, marker="x", color=style.WARN, linewidths=1.2, zorder=5)
-
-
 def _legend(axes: Any, data: FemDataset | None) -> None:
     if data is None:
         return
     groups = Groups.of(data)
-
-    def entry(label: str, **look: Any) -> Line2D:
-        return Line2D([], [], ls="", label=label, **look)
-
-    handles = [entry(f"fitted ({groups.fit.sum()})", marker="o", color=style.SOFT, ms=5)]
+    handles = [style.entry(f"fitted ({groups.fit.sum()})", "o", color=style.SOFT, ms=5)]
     if groups.check.any():
-        handles.append(
-            entry(f"left out ({groups.check.sum()})", marker="D", mfc="white", mec=style.SOFT, ms=5)
-        )
+        label = f"left out ({groups.check.sum()})"
+        handles.append(style.entry(label, "D", mfc="white", mec=style.SOFT, ms=5))
     if groups.untrusted.any():
         label = f"in self-contact ({groups.untrusted.sum()})"
-        handles.append(entry(label, marker="x", color=style.WARN, ms=5.5))
+        handles.append(style.entry(label, "x", color=style.WARN, ms=5.5))
     axes.legend(handles=handles, loc="upper right", handletextpad=0.3)

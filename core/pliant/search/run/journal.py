@@ -139,7 +139,7 @@ class Journal:
         self._state.unlink(missing_ok=True)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Forget every line and the snapshot."""
         self._lines.unlink(missing_ok=True)
         self.forget_snapshot()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
 
@@ -17,7 +17,7 @@ import numpy as np
 from pliant.errors import ContractError
 from pliant.execution.jobs import JobQueue
 from pliant.execution.progress import Progress, ProgressBar
-from pliant.interfaces.optimizer import FAILED, NOT_A_NUMBER, Optimizer, Space, Trial, Value
+from pliant.interfaces.optimizer import FAILED, NOT_A_NUMBER, Optimizer, Space, Trial
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.journal import Generation, Journal
 from pliant.search.workers import told_of
@@ -37,16 +37,12 @@ class Branch:
     """The search of one combination of the `each` variables: its optimizer is asked and told, its journal follows.
 
     Args:
-        index: its place among the branches; with the seed it decides all proposals.
-        values: of the `each` variables.
+        index: its place among the branches; with the study's seed it decides all proposals.
+        problem: what is searched, how long, and by which rules.
         make: builds its optimizer.
-        problem: knows constraints and `until`.
-        space: what is searched.
+        space: what the optimizer searches.
         journal: of this branch.
-        seed: of the study.
-        budget: candidates that are simulated; None: `generations` times the optimizer's batch.
-        generations: see `budget`.
-        whole: whether the budget is rounded up to whole batches, so that a larger one goes on behind the last.
+        times: how many times the study's budget, or its `generations` of the optimizer's batch, it has.
 
     Attributes:
         budget: candidates that are simulated at most; known once the optimizer is started.
@@ -59,21 +55,16 @@ class Branch:
     def __init__(
         self,
         index: int,
-        values: Mapping[str, Value],
-        make: Callable[[], Optimizer],
         problem: SearchProblem,
+        make: Callable[[], Optimizer],
         space: Space,
         journal: Journal,
-        seed: int,
-        budget: int,
-        generations: int | None = None,
-        whole: bool = False,
+        times: int = 1,
     ) -> None:
-        self.index, self.values, self._make = index, values, make
-        self._problem, self._space, self._journal = problem, space, journal
-        self._seed = int(np.random.SeedSequence((seed, index)).generate_state(1)[0]) % 2**31
-        self.budget, self._generations, self._whole = budget, generations, whole
-        self.note = ""
+        self.index, self._problem, self._make, self._times = index, problem, make, times
+        self._space, self._journal = space, journal
+        self._seed = int(np.random.SeedSequence((problem.config.seed, index)).generate_state(1)[0]) % 2**31
+        self.budget, self.note = times * problem.config.budget, ""
         self._saved = time.monotonic()
         self._reset()
 
@@ -94,10 +85,11 @@ class Branch:
         """Begin, or go on from the journal; `note` says where that was not possible."""
         recorded = self._journal.read()
         self.optimizer.start(self._space, self._seed)
-        if self._generations is not None:
-            self.budget = self._generations * max(1, self.optimizer.batch)
-        elif self._whole:
-            self.budget += -self.budget % max(1, self.optimizer.batch)
+        config, batch = self._problem.config, max(1, self.optimizer.batch)
+        if config.generations is not None:
+            self.budget = self._times * config.generations * batch
+        elif config.halving is not None:  # whole batches, so that a larger budget goes on behind the last
+            self.budget += -self.budget % batch
         try:
             self._resume(recorded)
         except Exception as error:  # a state of another version may break a plugin in any way
@@ -184,7 +176,9 @@ class Branch:
                 f"over {', '.join(names)}."
             )
         context = max(trial.context, 0) if self._space.contexts else -1
-        return replace(trial, values={**self.values, **trial.values}, context=context)
+        return replace(
+            trial, values={**self._problem.branches()[self.index], **trial.values}, context=context
+        )
 
     def _proposed(self, count: int) -> list[Trial]:
         proposed = sorted(self.optimizer.ask(count), key=lambda trial: trial.number)

@@ -129,18 +129,13 @@ class Search:
         self.branches = [self._branch(index) for index in range(len(problem.branches()))]
 
     def _branch(self, index: int) -> Branch:
-        times, generations = self.halving.times(index), self.config.generations
         return Branch(
             index,
-            self.problem.branches()[index],
-            lambda: self.bench.build("optimizer", self.study.optimizer),  # type: ignore[arg-type]
             self.problem,
+            lambda: self.bench.build("optimizer", self.study.optimizer),  # type: ignore[arg-type]
             self.space,
             Journal(self.folder, f"branch-{index:04d}"),
-            self.config.seed,
-            times * self.config.budget,
-            times * generations if generations is not None else None,
-            whole=self.config.halving is not None,
+            self.halving.times(index),
         )
 
     def result(self) -> SearchResult:

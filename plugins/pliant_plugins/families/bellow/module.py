@@ -40,17 +40,10 @@ class MidSurfaceConfig(FamilyConfig):
     module_length_m: Length = Field(description="l: length of one convolution, the module")
 
 
-class MidSurfaceBellow(ActuatorFamily):
-    """A bellow whose wall is the profile ± t/2; a module runs from mid-trough to mid-trough."""
+class Bellow(ActuatorFamily):
+    """A bellow; a module runs from mid-trough to mid-trough."""
 
-    config: MidSurfaceConfig
-
-    def __init__(self, config: MidSurfaceConfig) -> None:
-        super().__init__(config)
-        self.geometry = BellowProfile(
-            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
-        )
-        self.geometry.check_mid_surface(config.kind)
+    geometry: BellowProfile
 
     @property
     def module_length_m(self) -> float:
@@ -64,16 +57,27 @@ class MidSurfaceBellow(ActuatorFamily):
     def _half(self) -> ModuleMesh:
         return self._half_section()
 
-    def shapes(self) -> HalfShapes:
-        """Cylinders around the crests of the two halves."""
-        half, outside, height = self.geometry.half_length_m, self.geometry.wall_m / 2, self.offset_m
-        start, end = (tube(self.geometry, x, outside, height) for x in (-half, 0.0))
-        return HalfShapes(start=(start,), end=(end,))
-
     def surface(self) -> HalfSurfaces:
-        """The undulating wall, open at both ends as the modules are."""
+        """The skin of the mesh: the undulating wall, open at both ends as the modules are, and what is fused to it."""
         return half_skins(self._half)
 
     def mass(self, density_kg_m3: float) -> ModuleMass:
         """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
         return half_masses(self._half, density_kg_m3)
+
+
+class MidSurfaceBellow(Bellow):
+    """A bellow whose wall is the profile ± t/2."""
+
+    def __init__(self, config: MidSurfaceConfig) -> None:
+        super().__init__(config)
+        self.geometry = BellowProfile(
+            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
+        )
+        self.geometry.check_mid_surface(config.kind)
+
+    def shapes(self) -> HalfShapes:
+        """Cylinders around the crests of the two halves."""
+        half, outside, height = self.geometry.half_length_m, self.geometry.wall_m / 2, self.offset_m
+        start, end = (tube(self.geometry, x, outside, height) for x in (-half, 0.0))
+        return HalfShapes(start=(start,), end=(end,))

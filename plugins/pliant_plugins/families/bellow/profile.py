@@ -9,6 +9,7 @@ its sides, is the family's choice. Source of the shape: Yao, Howard, Maiolino (2
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -116,29 +117,26 @@ class BellowProfile:
                 f"but the larger is {mm(size)}, over by {mm(size - LARGEST_MODULE_M)} "
                 "(were units forgotten: bare numbers are metres, write '11 mm')."
             )
-        slack = (R - r) - l / 4
-        if slack < -1e-6 * l:
-            raise InvalidDesignError(
-                f"{kind} needs average_radius − inner_radius ≥ module_length/4 (room for the arcs), "
-                f"but {mm(R - r)} < {mm(l / 4)}, short by {mm(-slack)}."
-            )
+        if (R - r) - l / 4 < -1e-6 * l:
+            needs = "average_radius − inner_radius ≥ module_length/4 (room for the arcs)"
+            refuse(kind, needs, R - r, "<", l / 4)
 
     def check_mid_surface(self, kind: str) -> None:
         """`check_profile`, and what a wall from −t/2 to t/2 about the profile needs."""
         self.check_profile(kind)
         half, l = self.wall_m / 2, self.module_length_m  # noqa: E741
-        slack = l / 4 - half
-        if slack <= 1e-6 * l:
-            raise InvalidDesignError(
-                f"{kind} needs module_length/4 > wall/2 (or the arcs' inner side collapses), "
-                f"but {mm(l / 4)} ≤ {mm(half)}, short by {mm(abs(slack))}."
-            )
-        slack = self.inner_radius_m - half
-        if slack <= 1e-6 * l:
-            raise InvalidDesignError(
-                f"{kind} needs inner_radius > wall/2 (or the trough closes), "
-                f"but {mm(self.inner_radius_m)} ≤ {mm(half)}, short by {mm(abs(slack))}."
-            )
+        if l / 4 - half <= 1e-6 * l:
+            refuse(kind, "module_length/4 > wall/2 (or the arcs' inner side collapses)", l / 4, "≤", half)
+        if self.inner_radius_m - half <= 1e-6 * l:
+            refuse(kind, "inner_radius > wall/2 (or the trough closes)", self.inner_radius_m, "≤", half)
+
+
+def refuse(kind: str, needs: str, left_m: float, sign: str, right_m: float) -> NoReturn:
+    """Raise `InvalidDesignError`: the inequality that is broken, its two sides, and by how much."""
+    short = mm(abs(left_m - right_m))
+    raise InvalidDesignError(
+        f"{kind} needs {needs}, but {mm(left_m)} {sign} {mm(right_m)}, short by {short}."
+    )
 
 
 def mm(length_m: float) -> str:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.meshing.masses import half_masses
-from pliant.meshing.surfaces import half_skins
-from pliant.records.design import ModuleMass
+from pliant.interfaces.family import FamilyConfig
 from pliant.records.fem import ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.records.shape import HalfShapes, Shape
 from pliant.records.structure import StructureProblem
 from pliant.units import Length
-from pliant_plugins.families.bellow.module import tube
-from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_bending.mesh import build_mesh, build_structure
+from pliant_plugins.families.bellow.module import Bellow, tube
+from pliant_plugins.families.bellow_bending.mesh import BellowGeometry, build_mesh, build_structure
 
 
 class BellowBendingConfig(FamilyConfig):
@@ -35,7 +30,7 @@ class BellowBendingConfig(FamilyConfig):
     module_length_m: Length = Field(description="l: length of one convolution, the module")
 
 
-class BellowBending(ActuatorFamily):
+class BellowBending(Bellow):
     """One design of the bending bellow.
 
     A module runs from mid-trough to mid-trough with its joint at mid-crest, on the plate's mid-plane: modules
@@ -43,16 +38,14 @@ class BellowBending(ActuatorFamily):
     is the half that moves with the child, x ∈ [0, l/2], cut by the mirror plane y = 0.
     """
 
+    geometry: BellowGeometry
+
     def __init__(self, config: BellowBendingConfig) -> None:
         super().__init__(config)
         self.geometry = BellowGeometry(
             config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
         )
         self.geometry.check()
-
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's.
@@ -73,35 +66,21 @@ class BellowBending(ActuatorFamily):
         """`modules` of them as one body."""
         return build_structure(self.geometry, modules, refinement)
 
-    @cached_property
-    def _mesh(self) -> ModuleMesh:
+    def _half_section(self) -> ModuleMesh:
         return build_mesh(self.geometry)
 
     def shapes(self) -> HalfShapes:
-        """Plate and bellow of the two halves."""
-        return half_shapes(self.geometry)
+        """For each half a box, the plate, 2R wide and 2t thick, and a cylinder around the crests, of radius Rc + t.
 
-    def surface(self) -> HalfSurfaces:
-        """The skin of the mesh: the undulating wall, open at both ends as the modules are, and the plate."""
-        return half_skins(self._mesh)
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
-        return half_masses(self._mesh, density_kg_m3)
-
-
-def half_shapes(geometry: BellowGeometry) -> HalfShapes:
-    """For each half a box, the plate, 2R wide and 2t thick, and a cylinder around the crests, of radius Rc + t.
-
-    Pressure turns the tip toward −z: the plate's face z = −t is the side that grips.
-    """
-
-    def half(start_m: float) -> tuple[Shape, Shape]:
-        quarter = geometry.half_length_m / 2
+        Pressure turns the tip toward −z: the plate's face z = −t is the side that grips.
+        """
+        geometry, quarter = self.geometry, self.geometry.half_length_m / 2
         plate = (quarter, geometry.average_radius_m, geometry.wall_m)
-        return (
-            Shape("box", plate, np.array([start_m + quarter, 0.0, 0.0]), np.eye(3)),
-            tube(geometry, start_m, geometry.wall_m, geometry.axis_height_m),
-        )
 
-    return HalfShapes(start=half(-geometry.half_length_m), end=half(0.0))
+        def half(start_m: float) -> tuple[Shape, Shape]:
+            return (
+                Shape("box", plate, np.array([start_m + quarter, 0.0, 0.0]), np.eye(3)),
+                tube(geometry, start_m, geometry.wall_m, geometry.axis_height_m),
+            )
+
+        return HalfShapes(start=half(-geometry.half_length_m), end=half(0.0))

@@ -1,4 +1,8 @@
-"""The tendon joint as an `ActuatorFamily`, and its parameters."""
+"""The tendon joint as an `ActuatorFamily`: its parameters, and structured 27-node hexahedra of flexure and links.
+
+Flexure: a quarter, x ∈ [0, c/2], y ∈ [0, w/2], the whole thickness. Link: three bands, exact for its flat faces; with
+its surface and its collision shapes.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,31 @@ from dataclasses import fields
 from functools import cached_property
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.grids import block, grid_cells, grid_lines, module_sets, numbered
+from pliant.meshing.hexahedra import boundary_faces
 from pliant.meshing.masses import half_masses, meshed_mass, mirrored
-from pliant.meshing.surfaces import half_skins
+from pliant.meshing.surfaces import FACE, half_skins
 from pliant.meshing.surfaces import mirrored as mirrored_surface
-from pliant.records.design import ModuleMass
+from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
-from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant.records.shape import HalfShapes, HalfSurfaces, Shape, TriangleMesh
 from pliant.units import Angle, Density, Length
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
-from pliant_plugins.families.tendon_joint.mesh import build_mesh, half_shapes, link_mesh, link_surface
+
+ELEMENTS = (4, 3, 2)  # along x, y, z
+CORNERS = [0, 2, 6, 8, 18, 20, 24, 26]  # local nodes of a 27-node cell
+# The cube's faces as triangles over those corners, counter-clockwise seen from outside.
+HULL = np.array(
+    [
+        [0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
+        [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5],
+    ],
+    np.int64,
+)  # fmt: skip
 
 
 class TendonJointConfig(FamilyConfig):
@@ -107,3 +124,66 @@ class TendonJoint(ActuatorFamily):
         flexure = half_masses(self._flexure, density_kg_m3)
         link = meshed_mass(self._link, self.link_density_kg_m3)
         return ModuleMass(start=flexure.start.joined(mirrored(link, 0)), end=flexure.end.joined(link))
+
+
+def build_mesh(geometry: JointGeometry, refinement: int = 1) -> ModuleMesh:
+    """The quarter; node sets `start` (x = 0), `end` (x = c/2), `symmetry` (y = 0), `pin` (the origin).
+
+    Bonded corners are where strains change fastest: the cells at the link and at the free edge are the smaller.
+    """
+    t = geometry.flexure_thickness_m
+    along, across, through = (refinement * n for n in ELEMENTS)
+    nodes, ids = numbered(
+        block(
+            geometry.span_m * _graded(along),
+            geometry.flexure_width_m / 2 * _graded(across),
+            grid_lines((-t / 2, t / 2), through),
+        )
+    )
+    cells = grid_cells(ids)
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, geometry.span_m)
+    return ModuleMesh(nodes, cells, np.empty((0, 9), np.int64), skin, sets)
+
+
+def _graded(elements: int) -> Array:
+    """Grid lines from 0 to 1, mid-nodes included, closer toward 1: s ↦ s (2 − s)."""
+    ends = np.linspace(0, 1, elements + 1)
+    return grid_lines(ends * (2 - ends), 1)
+
+
+def link_mesh(geometry: JointGeometry) -> ModuleMesh:
+    """The whole width of the end link: bands below, beside and above the flexure's end."""
+    half, edge = geometry.flexure_thickness_m / 2, geometry.link_height_m / 2
+    z = np.array([-edge, -half, half, edge])
+    face = np.array([geometry.lower_edge_x_m, geometry.span_m, geometry.span_m, geometry.upper_edge_x_m])
+    z, face = (np.interp(np.arange(7) / 2, np.arange(4), line) for line in (z, face))
+    back = geometry.module_length_m / 2
+    y = geometry.link_width_m / 2 * np.array([-1.0, 0.0, 1.0])
+    share = np.array([0.0, 0.5, 1.0])[:, None, None]
+    positions = np.empty((3, 3, 7, 3))
+    positions[..., 0] = face + share * (back - face)
+    positions[..., 1] = y[:, None]
+    positions[..., 2] = z
+    nodes, ids = numbered(positions)
+    cells = grid_cells(ids)
+    return ModuleMesh(nodes, cells, np.empty((0, 9), np.int64), boundary_faces(cells)[0], {})
+
+
+def link_surface(mesh: ModuleMesh) -> TriangleMesh:
+    """The end link's skin as triangles."""
+    return TriangleMesh(mesh.nodes_m, mesh.skin[:, FACE].reshape(-1, 3))
+
+
+def half_shapes(geometry: JointGeometry) -> HalfShapes:
+    """For each half the link's three bands and half of the flexure, all convex."""
+    mesh, z = link_mesh(geometry), geometry.flexure_thickness_m / 2
+    x, y = (0.0, geometry.span_m), geometry.flexure_width_m / 2
+    flexure = np.array([(i, j, k) for k in (-z, z) for j in (-y, y) for i in x])
+    hulls = [TriangleMesh(corners, HULL) for corners in (*mesh.nodes_m[mesh.cells[:, CORNERS]], flexure)]
+
+    def convex(hull: TriangleMesh) -> Shape:
+        return Shape("mesh", (), np.zeros(3), np.eye(3), hull)
+
+    start = tuple(convex(mirrored_surface(hull, 0)) for hull in hulls)
+    return HalfShapes(start=start, end=tuple(map(convex, hulls)))

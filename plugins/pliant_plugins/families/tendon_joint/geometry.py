@@ -7,23 +7,14 @@ closing angle and their upper edges at the opening angle of the other sign.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from pliant.errors import InvalidDesignError
 
 LARGEST_MODULE_M = 1.0
-NAMES = (
-    "module_length",
-    "flexure_length",
-    "flexure_thickness",
-    "flexure_width",
-    "tendon_offset",
-    "tendon_setback",
-    "link_height",
-    "link_width",
-)
 
 
 @dataclass(frozen=True)
@@ -95,70 +86,41 @@ class JointGeometry:
 
     def check(self) -> None:
         """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the joint exists."""
-        for name in NAMES:
-            if not getattr(self, f"{name}_m") > 0:
-                _refuse(name, getattr(self, f"{name}_m"), ">", "0", 0.0)
-        for name in NAMES:
-            _require_less(name, getattr(self, f"{name}_m"), "1 m (bare numbers are metres)", LARGEST_MODULE_M)
-        for name, angle in (
-            ("closing_angle", self.closing_angle_rad),
-            ("opening_angle", self.opening_angle_rad),
-        ):
+        for name, value, sign, than, limit in self._inequalities():
+            if not {"<": value < limit, ">": value > limit, "≤": value <= limit * (1 + 1e-9)}[sign]:
+                raise InvalidDesignError(
+                    f"tendon_joint needs {name} {sign} {than}, but {_mm(value)} against {_mm(limit)} misses it by "
+                    f"{_mm(abs(value - limit))}."
+                )
+
+    def _inequalities(self) -> Iterator[tuple[str, float, str, str, float]]:
+        """Name, value, sign, name of the limit and limit, in m; each may hold only where those before it do."""
+        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self) if f.name.endswith("_m")}
+        yield from ((name, value, ">", "0", 0.0) for name, value in lengths.items())
+        metre = "1 m (bare numbers are metres)"
+        yield from ((name, value, "<", metre, LARGEST_MODULE_M) for name, value in lengths.items())
+        contacts = {"closing_angle": self.closing_angle_rad, "opening_angle": self.opening_angle_rad}
+        for name, angle in contacts.items():
             if not 0 < angle < np.pi:
                 raise InvalidDesignError(
                     f"tendon_joint needs 0 < {name} < pi, but {name} = {angle:.6g} rad, "
                     f"off by {max(-angle, angle - np.pi):.6g} rad."
                 )
-        self._check_flexure()
-        self._check_links()
-        self._check_tendon()
-
-    def _check_flexure(self) -> None:
-        c, t = self.flexure_length_m, self.flexure_thickness_m
-        _require_less("flexure_length (the links need room)", c, "module_length", self.module_length_m)
-        _require_less("flexure_thickness", t, "link_height", self.link_height_m)
-        _require_at_most("flexure_width", self.flexure_width_m, "link_width", self.link_width_m)
-        widest = max(self.closing_angle_rad, self.opening_angle_rad)
-        _require_less(
-            "flexure_thickness/2 · the larger contact angle",
-            widest * t / 2,
-            "flexure_length (or its inside folds)",
-            c,
-        )
-
-    def _check_links(self) -> None:
+        c, t, h = self.flexure_length_m, self.flexure_thickness_m, self.tendon_offset_m
+        yield "flexure_length (the links need room)", c, "<", "module_length", self.module_length_m
+        yield "flexure_thickness", t, "<", "link_height", self.link_height_m
+        yield "flexure_width", self.flexure_width_m, "≤", "link_width", self.link_width_m
+        inside, folds = max(contacts.values()) * t / 2, "flexure_length (or its inside folds)"
+        yield "flexure_thickness/2 · the larger contact angle", inside, "<", folds, c
         for side, edge in (("closing", self.lower_edge_x_m), ("opening", self.upper_edge_x_m)):
             name = f"x of the link's edge that meets its image at the {side}_angle"
-            if not edge > 0:
-                _refuse(name, edge, ">", "0", 0.0)
-            _require_less(name, edge, "module_length/2", self.module_length_m / 2)
-
-    def _check_tendon(self) -> None:
-        h = self.tendon_offset_m
-        _require_less("flexure_thickness/2", self.flexure_thickness_m / 2, "tendon_offset", h)
-        _require_less("tendon_offset (the hole lies in the link)", h, "link_height/2", self.link_height_m / 2)
+            yield name, edge, ">", "0", 0.0
+            yield name, edge, "<", "module_length/2", self.module_length_m / 2
+        yield "flexure_thickness/2", t / 2, "<", "tendon_offset", h
+        yield "tendon_offset (the hole lies in the link)", h, "<", "link_height/2", self.link_height_m / 2
         hole = "flexure_length/2 + tendon_setback"
-        _require_at_most(hole, self.hole_x_m, "module_length/2", self.module_length_m / 2)
-        _require_at_most("the link's face at the tendon", self.face_x_m(h), hole, self.hole_x_m)
-
-
-def _require_less(name: str, value: float, than: str, limit: float) -> None:
-    """Refuse lengths (m) that are not value < limit."""
-    if not value < limit:
-        _refuse(name, value, "<", than, limit)
-
-
-def _require_at_most(name: str, value: float, than: str, limit: float) -> None:
-    """Refuse lengths (m) that are not value ≤ limit, rounding aside."""
-    if value > limit * (1 + 1e-9):
-        _refuse(name, value, "≤", than, limit)
-
-
-def _refuse(name: str, value: float, sign: str, than: str, limit: float) -> None:
-    by = _mm(abs(value - limit))
-    raise InvalidDesignError(
-        f"tendon_joint needs {name} {sign} {than}, but {_mm(value)} against {_mm(limit)} misses it by {by}."
-    )
+        yield hole, self.hole_x_m, "≤", "module_length/2", self.module_length_m / 2
+        yield "the link's face at the tendon", self.face_x_m(h), "≤", hole, self.hole_x_m
 
 
 def _mm(length_m: float) -> str:

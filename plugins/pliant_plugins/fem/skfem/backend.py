@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from skfem import ElementHex1, ElementHex2
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
@@ -11,13 +14,90 @@ from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.newton import Newton, Tolerance
-from pliant_plugins.fem.rod_solver import RodSolver
+from pliant_plugins.fem.newton import Control, Newton, Point, Reduced, SingularMatrixError, Tolerance
+from pliant_plugins.fem.rod_solver import RodSolver, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.fields import module_fields
-from pliant_plugins.fem.skfem.linear import linear_solver
+from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
+from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.structure import SkfemStructure
-from pliant_plugins.fem.skfem.system import ModuleSystem
+
+
+@dataclass(frozen=True, eq=False)
+class ModuleSystem:
+    """One assembled problem and the solver of its matrix."""
+
+    assembler: Assembler
+    linear: LinearSolver
+
+    @property
+    def count(self) -> int:
+        """Number G of the active globals."""
+        return self.assembler.globals.count
+
+    def evaluate(self, x: Array, actuation: float) -> Point[Terms] | None:
+        """U and W to second order at x; None where a cell is inverted."""
+        if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
+            return None
+        energy = self.assembler.elastic_energy(x)
+        return None if energy is None else Point(x, actuation, energy, self.assembler.travel(x))
+
+    def reduce(self, point: Point[Terms]) -> Reduced:
+        """Factorise and condense. Raises `SingularMatrixError`."""
+        potential, G = point.energy.plus(-point.actuation, point.travel), self.count
+        columns = np.column_stack([potential.gradient, potential.border, point.travel.gradient])
+        reduced = self.assembler.pattern.reduce(columns[:-G])
+        solved = self.linear.solve(potential.matrix, reduced)
+        if not np.all(np.isfinite(solved)):
+            raise SingularMatrixError("the tangent stiffness is singular")
+        full = columns[-G:] - reduced[:, 1:-1].T @ solved
+        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
+
+    def step(self, inner: Array, globals_: Array) -> Array:
+        """The change of x."""
+        return np.concatenate([self.assembler.pattern.expand(inner), globals_])
+
+    def work(self, point: Point[Terms], step: tuple[Array, Array], control: Control) -> float:
+        """|residual · step| over the unknowns; multipliers count with the other sign."""
+        residual, G = point.residual, self.count
+        residual[-G:] = np.where(control.held, 0.0, residual[-G:] + control.effort)
+        residual[self.assembler.pressures] *= -1
+        return abs(float(residual @ self.step(*step)))
+
+
+def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFields:
+    """Displacement to `placed_m` (n, 3), Cauchy stress and stretch at x.
+
+    `hydrostatic_pa` is the mean normal stress, positive in tension; `energy_j_m3` per reference volume;
+    `volume_ratio` that of the mixed element, ϑ, where it is one.
+    """
+    mesh = assembler.problem.mesh
+    F, energy, P = assembler.at_points(x)
+    J, volume = np.linalg.det(F), assembler.volume_ratio(x)
+    stress = P @ np.swapaxes(F, -1, -2) / J[..., None, None]
+    values = field_values(F, stress, energy, J if volume is None else volume)
+    return ModuleFields(
+        points_m=mesh.nodes_m,
+        displacement_m=placed_m - mesh.nodes_m,
+        cells=mesh.cells,
+        point_data={name: at_nodes(assembler, value) for name, value in values.items()},
+    )
+
+
+def at_nodes(assembler: Assembler, values: Array) -> Array:
+    """(n,) at nodes from (m, q) at quadrature points."""
+    cells, count = assembler.cells, len(assembler.problem.mesh.nodes_m)
+    at_nodes = ElementHex2().doflocs
+    at_points = cells.value @ at_nodes
+    local = values @ (_trilinear(at_nodes) @ np.linalg.pinv(_trilinear(at_points))).T
+    nodes = cells.nodes.ravel()
+    totals = np.bincount(nodes, local.ravel(), count)
+    return totals / np.bincount(nodes, minlength=count)
+
+
+def _trilinear(points: Array) -> Array:
+    """(n, 8) functions at reference points (n, 3)."""
+    element = ElementHex1()
+    return np.stack([element.lbasis(points.T, i)[0] for i in range(8)], axis=-1)
 
 
 class SkfemSolver(RodSolver):

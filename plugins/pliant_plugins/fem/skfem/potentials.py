@@ -125,7 +125,7 @@ Jet = tuple[float, Array, Array]  # value, gradient (3,), Hessian (3, 3) in Θ
 
 
 def _function(k: int, turn: Array) -> Jet:
-    """f_k(Θ·Θ)."""
+    """The series f_k(Θ·Θ) with its gradient and Hessian by Θ."""
     s = float(turn @ turn)
     f, df, ddf = (float(p(s)) for p in SERIES[k])
     return f, 2 * df * turn, 2 * df * np.eye(3) + 4 * ddf * np.outer(turn, turn)

@@ -23,22 +23,7 @@ from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.linear import linear_solver
 from pliant_plugins.fem.skfem.pattern import Terms
 
-
-@dataclass(frozen=True, eq=False)
-class Load:
-    """Pressure and the dead force on the whole body."""
-
-    pressure: float
-    force: Array
-
-    def towards(self, other: Load, fraction: float) -> Load:
-        """The load on the straight way to another."""
-        if fraction == 1.0:
-            return other
-        return Load(
-            self.pressure + fraction * (other.pressure - self.pressure),
-            self.force + fraction * (other.force - self.force),
-        )
+Load = Array  # (4,) pressure and the dead force on the whole body
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,21 +64,24 @@ class SkfemStructure(StructureSolver):
         """The body as it was made."""
         point = self.point(np.zeros(self.assembler.size))
         assert point is not None  # the mesh is sound
-        return self._state(point, Load(0.0, np.zeros(3)), 0, time.perf_counter())
+        return self._state(point, np.zeros(4), 0, time.perf_counter())
 
     def equilibrium(self, pressure_pa: float, tip_force_n: Array, start: StructureState) -> StructureState:
         """Load steps from `start`, halved where Newton's method fails. Raises `StateNotConvergedError`."""
         begun = time.perf_counter()
         if start.solution.shape != (self.assembler.size,):
             raise UserError("the start state belongs to another body: its number of unknowns differs.")
-        target = Load(pressure_pa, np.asarray(tip_force_n, float))
-        here, before = self.point(start.solution), Load(start.pressure_pa, start.tip_force_n)
+        target, before = (
+            np.array([pressure_pa, *tip_force_n]),
+            np.array([start.pressure_pa, *start.tip_force_n]),
+        )
+        here = self.point(start.solution)
         assert here is not None
 
         def step(
             state: tuple[BodyPoint, Load], goal: float, patient: bool
         ) -> tuple[tuple[BodyPoint, Load], int]:
-            load = before.towards(target, goal)
+            load = target if goal == 1.0 else before + goal * (target - before)
             point, count = self._step(*state, load, goal == 1.0, patient)
             return (point, load), count
 
@@ -120,7 +108,7 @@ class SkfemStructure(StructureSolver):
 
     def push(self, point: BodyPoint, load: Load) -> Array:
         """Generalised force of the loads at a point."""
-        return np.asarray(load.pressure * point.cavity.gradient + self._spread @ load.force)
+        return np.asarray(load[0] * point.cavity.gradient + self._spread @ load[1:])
 
     def residual(self, point: BodyPoint, load: Load) -> Array:
         """Gradient ∂Π/∂v (n,) of the potential by the displacements, N."""
@@ -129,7 +117,7 @@ class SkfemStructure(StructureSolver):
     def solve(self, point: BodyPoint, load: Load, right: Array) -> Array:
         """K⁻¹ right on the free displacements, zero on the others."""
         pattern = self.assembler.pattern
-        potential = point.energy.plus(-load.pressure, point.cavity)
+        potential = point.energy.plus(-load[0], point.cavity)
         out = pattern.expand(self.linear.solve(potential.matrix, pattern.reduce(right[:, None]))[:, 0])
         if not np.all(np.isfinite(out)):
             raise SingularMatrixError("the tangent stiffness is singular")
@@ -148,8 +136,8 @@ class SkfemStructure(StructureSolver):
         markers = nodes[self.problem.markers]
         markers[-1] = self.problem.tip_shares @ nodes[self.problem.tip]
         return StructureState(
-            pressure_pa=load.pressure,
-            tip_force_n=load.force,
+            pressure_pa=float(load[0]),
+            tip_force_n=load[1:],
             markers_m=markers,
             turns_rad=np.arctan2(across[:, 0], across[:, 2]),
             energy_j=point.energy.value / self.share,

@@ -1,28 +1,158 @@
-"""Optuna as ask and tell."""
+"""Optuna as ask and tell: its samplers, and its storages so that its dashboard shows a search while it runs."""
 
 from __future__ import annotations
 
+import importlib.util
+import itertools
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import optuna
+from optuna.exceptions import DuplicatedStudyError
+from optuna.samplers import BaseSampler
+from optuna.storages import BaseStorage, RDBStorage
+from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial
 
+from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
-from pliant_plugins.optimizers.optuna import trials
-from pliant_plugins.optimizers.optuna.board import Board
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
-from pliant_plugins.optimizers.optuna.memory import Memory
-from pliant_plugins.optimizers.optuna.samplers import (
-    DEFAULT_POPULATION,
-    UNCONSTRAINED,
-    require_usable,
-    sampler_for,
-)
+from pliant_plugins.optimizers.optuna.trials import CANDIDATE, Memory, distributions, quiet, shown
 
 EXPORT = "optuna.log"
+OWNER = "pliant_search"  # user attribute of a study: which search writes it
+# Sampler → modules that Optuna does not bring along, and how they are installed.
+NEEDS = {
+    "gp": (("scipy", "torch"), "pip install 'pliant[neural]'"),
+    "cmaes": (("cmaes",), "pip install cmaes, or use optimizer: {kind: cmaes}"),
+    "qmc": (("scipy",), "pip install scipy"),
+}
+DEFAULT_POPULATION = 50  # Optuna's own, of NSGA-II
+UNCONSTRAINED = ("cmaes",)  # samplers that know no constraints
 Learned = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
+
+
+def require_usable(config: OptunaConfig, space: Space) -> None:
+    """Raise what keeps the sampler from searching the space.
+
+    Raises:
+        MissingDependencyError: a package that the sampler needs is not installed.
+        UserError: the sampler knows one objective only.
+    """
+    modules, install = NEEDS.get(config.sampler, ((), ""))
+    missing = [module for module in modules if importlib.util.find_spec(module) is None]
+    if missing:
+        raise MissingDependencyError(
+            f"optimizer 'optuna' with sampler '{config.sampler}' needs {missing[0]}: {install}."
+        )
+    if space.objectives > 1 and config.sampler == "cmaes":
+        raise UserError(
+            f"Optuna's sampler 'cmaes' knows one objective, the search has {space.objectives}; "
+            "use sampler: nsga2, tpe or gp."
+        )
+
+
+def sampler_for(config: OptunaConfig, seed: int, number: int) -> BaseSampler:
+    """The sampler that proposes one candidate.
+
+    It is made anew for every candidate, seeded by the search's seed and the candidate's number. What else it knows it
+    reads from the trials, so that a restored search goes on exactly as it would have. A Sobol sequence (qmc) is
+    scrambled by the search's seed, its place counted in the trials.
+    """
+    drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+    samplers, startup = optuna.samplers, config.startup
+
+    def alone() -> dict[str, Any]:
+        independent = samplers.RandomSampler(seed=drawn)
+        return {"independent_sampler": independent, "warn_independent_sampling": False}
+
+    makers: dict[str, Callable[[], BaseSampler]] = {
+        "tpe": lambda: samplers.TPESampler(n_startup_trials=startup, seed=drawn, constant_liar=True),
+        "nsga2": lambda: samplers.NSGAIISampler(
+            population_size=config.population or DEFAULT_POPULATION, seed=drawn
+        ),
+        "gp": lambda: samplers.GPSampler(n_startup_trials=startup, seed=drawn),
+        "random": lambda: samplers.RandomSampler(seed=drawn),
+        "qmc": lambda: samplers.QMCSampler(scramble=True, seed=seed % 2**32, **alone()),
+        "cmaes": lambda: samplers.CmaEsSampler(seed=drawn, popsize=config.population, **alone()),
+    }
+    with quiet():
+        return makers[config.sampler]()
+
+
+def opened(place: str) -> BaseStorage:
+    """The storage, its file made where there is none.
+
+    Raises:
+        UserError: its folder is missing, or the file is no storage of Optuna's.
+    """
+    kind, _, path = place.partition("///") if place.startswith("sqlite:") else place.partition(":")
+    if not Path(path).parent.is_dir():
+        raise UserError(
+            f"optimizer.storage: the folder '{Path(path).parent}' of '{place}' does not exist; make it first."
+        )
+    try:
+        with quiet():
+            if kind == "sqlite:":
+                return RDBStorage(place)
+            return optuna.storages.JournalStorage(JournalFileBackend(path))
+    except Exception as error:  # SQLAlchemy, alembic and json each have their own
+        cause = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UserError(
+            f"optimizer.storage: '{place}' cannot be used as Optuna's storage: {cause}"
+        ) from error
+
+
+class Board:
+    """Where people watch: told trials in a storage that optuna-dashboard and the `optuna` command read, each candidate
+    once. The sampler works on trials in memory; nothing here comes back to it, so a slow disk changes no proposal.
+    """
+
+    def __init__(self, place: str, name: str, owner: str, objectives: int, again: bool = False) -> None:
+        """A study of this name, or of `name-2`, `name-3`, … where it is taken: every search has its own.
+
+        With `again` that of a search that goes on; made anew where the storage has lost it.
+
+        Raises:
+            UserError: another search has written the study that is gone on with; or the storage cannot be used.
+        """
+        storage, directions = opened(place), ["minimize"] * objectives
+        with quiet():
+            if again and name in optuna.get_all_study_names(storage):
+                self._study = optuna.load_study(study_name=name, storage=storage)
+                if self._study.user_attrs.get(OWNER) != owner:
+                    raise UserError(
+                        f"The search cannot go on in '{place}': its study '{name}' belongs to another search. "
+                        "Put the former file back, or move this one away and it is written anew."
+                    )
+            else:
+                for free in itertools.chain([name], (f"{name}-{k}" for k in itertools.count(2))):
+                    with suppress(DuplicatedStudyError):
+                        self._study = optuna.create_study(
+                            storage=storage, study_name=free, directions=directions
+                        )
+                        break
+                self._study.set_user_attr(OWNER, owner)
+        trials = self._study.get_trials(deepcopy=False)
+        self._written = {trial.user_attrs.get(CANDIDATE) for trial in trials}
+
+    @property
+    def name(self) -> str:
+        """The study's name in its storage."""
+        return self._study.study_name
+
+    def write(self, trials: Iterable[FrozenTrial]) -> None:
+        """Add the trials of candidates that are not there yet."""
+        with quiet():
+            for trial in trials:
+                number = trial.user_attrs[CANDIDATE]
+                if number not in self._written:
+                    self._study.add_trial(trial)
+                    self._written.add(number)
 
 
 class Optuna(Optimizer):
@@ -53,7 +183,7 @@ class Optuna(Optimizer):
             self._memory.guess(space.start)
         self._owner = uuid.uuid4().hex
         if self.config.storage is not None:
-            self._board = Board.new(self.config.storage, self.config.study, self._owner, space.objectives)
+            self._board = Board(self.config.storage, self.config.study, self._owner, space.objectives)
 
     def ask(self, count: int) -> Sequence[Trial]:
         """`count` candidates; those that are not told yet count as bad ones to tpe (a constant liar)."""
@@ -102,7 +232,7 @@ class Optuna(Optimizer):
         ]
         if self.config.storage is not None:
             name = state["study"] or self.config.study
-            self._board = Board.again(self.config.storage, name, self._owner, space.objectives)
+            self._board = Board(self.config.storage, name, self._owner, space.objectives, again=True)
             self._board.write(self._shown(*told) for told in self._told)
 
     def export(self, folder: Path) -> Sequence[Path]:
@@ -114,16 +244,16 @@ class Optuna(Optimizer):
             return ()
         path = folder / EXPORT
         path.unlink(missing_ok=True)
-        board = Board.new(f"journal:{path}", self.config.study, self._owner, self._space.objectives)
+        board = Board(f"journal:{path}", self.config.study, self._owner, self._space.objectives)
         board.write(self._shown(*told) for told in self._told)
         return (path,)
 
     def _begin(self, space: Space, seed: int) -> None:
         self._space, self._seed, self._asked = space, seed, 0
-        self._ranges = trials.distributions(space)
+        self._ranges = distributions(space)
         self._memory = Memory(space, constraints=self.config.sampler not in UNCONSTRAINED)
         self._told = []
         self._board = None
 
     def _shown(self, number: int, objectives: tuple[float, ...] | None, violation: float) -> FrozenTrial:
-        return trials.shown(number, self._memory.values(number), self._ranges, objectives, violation)
+        return shown(number, self._memory.values(number), self._ranges, objectives, violation)

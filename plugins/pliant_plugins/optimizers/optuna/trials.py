@@ -1,53 +1,72 @@
-"""Candidates and outcomes as Optuna's trials, and trials as JSON values."""
+"""Candidates as Optuna's trials, and the trials that a sampler learns from, in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
+import optuna
 from optuna.distributions import (
     BaseDistribution,
     CategoricalDistribution,
     FloatDistribution,
     IntDistribution,
 )
+from optuna.exceptions import ExperimentalWarning
+from optuna.storages import InMemoryStorage
 from optuna.trial import FrozenTrial, TrialState, create_trial
 
-from pliant.interfaces.optimizer import Space, Value, Variable
+from pliant.interfaces.optimizer import Space, Trial, Value
+from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
 
 VIOLATION = "violation"  # name of the one constraint that a trial has
 CANDIDATE = "candidate"  # user attribute: the candidate's number
+# What a failed candidate counts as to the sampler: refused, but less so than any that breaks a constraint.
+FAILED_VIOLATION = 1e-9
+LARGEST = 1e300
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No messages of progress inside, whatever the user has set for Optuna outside."""
+    verbosity = optuna.logging.get_verbosity()
+    optuna.logging.set_verbosity(max(verbosity, optuna.logging.WARNING))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExperimentalWarning)
+            yield
+    finally:
+        optuna.logging.set_verbosity(verbosity)
 
 
 def distributions(space: Space) -> dict[str, BaseDistribution]:
     """Variable → its range or choices."""
-    return {v.name: _distribution(v) for v in space.variables}
+    found: dict[str, BaseDistribution] = {}
+    for v in space.variables:
+        if v.type == "categorical":
+            found[v.name] = CategoricalDistribution(v.choices)
+        elif v.type == "integer":
+            found[v.name] = IntDistribution(int(v.low), int(v.high))
+        else:
+            found[v.name] = FloatDistribution(float(v.low), float(v.high))
+    return found
 
 
 def plain_values(space: Space, params: Mapping[str, Any]) -> dict[str, Value]:
     """Variable → plain value within its bounds, in the space's order."""
-    return {v.name: _value(v, params[v.name]) for v in space.variables}
-
-
-def as_json(trial: FrozenTrial) -> dict[str, Any]:
-    """What a sampler reads of a trial; dates are left out."""
-    return {
-        "state": trial.state.name,
-        "params": dict(trial.params),
-        "values": list(trial.values) if trial.values is not None else None,
-        "system": dict(trial.system_attrs),
-    }
-
-
-def from_json(values: Mapping[str, Any], ranges: Mapping[str, BaseDistribution]) -> FrozenTrial:
-    """The trial that `as_json` wrote."""
-    return create_trial(
-        state=TrialState[values["state"]],
-        params=dict(values["params"]),
-        distributions={name: ranges[name] for name in values["params"]},
-        values=values["values"],
-        system_attrs=dict(values["system"]),
-    )
+    found: dict[str, Value] = {}
+    for v in space.variables:
+        value = params[v.name]
+        if v.type == "categorical":
+            found[v.name] = v.choices[v.choices.index(value)]
+        else:
+            found[v.name] = (
+                int(value) if v.type == "integer" else float(min(max(float(value), v.low), v.high))
+            )
+    return found
 
 
 def shown(
@@ -71,17 +90,117 @@ def shown(
     )
 
 
-def _distribution(variable: Variable) -> BaseDistribution:
-    if variable.type == "categorical":
-        return CategoricalDistribution(variable.choices)
-    if variable.type == "integer":
-        return IntDistribution(int(variable.low), int(variable.high))
-    return FloatDistribution(float(variable.low), float(variable.high))
+class Memory:
+    """A study of Optuna without a storage; trial k is candidate k.
 
+    A sampler ignores trials that Optuna calls failed, and would propose their like again. So a failed or refused
+    candidate is told as a complete trial that breaks a constraint; its objectives, which samplers other than gp do not
+    read then, are the worst that are known. A sampler that knows no constraints gets objectives behind these, by the
+    violation.
 
-def _value(variable: Variable, value: Any) -> Value:
-    if variable.type == "categorical":
-        return variable.choices[variable.choices.index(value)]
-    if variable.type == "integer":
-        return int(value)
-    return float(min(max(float(value), variable.low), variable.high))
+    Args:
+        space: what is searched.
+        constraints: whether the sampler knows them.
+    """
+
+    def __init__(self, space: Space, constraints: bool = True) -> None:
+        self._space, self._ranges = space, distributions(space)
+        self._constraints = constraints
+        self._storage = InMemoryStorage()
+        with quiet():
+            self._study = optuna.create_study(
+                storage=self._storage, directions=["minimize"] * space.objectives
+            )
+        self._worst: list[float] | None = None
+
+    def guess(self, values: Mapping[str, Value]) -> None:
+        """Let the first candidate have these values."""
+        kept = {
+            v.name: v.choices[v.choices.index(values[v.name])]
+            if v.type == "categorical"
+            else min(max(values[v.name], v.low), v.high)
+            for v in self._space.variables
+            if v.name in values and (v.type != "categorical" or values[v.name] in v.choices)
+        }
+        with quiet():
+            self._study.enqueue_trial(kept)
+
+    def ask(self, sampler: optuna.samplers.BaseSampler) -> tuple[int, dict[str, Value]]:
+        """Number and values of a new candidate."""
+        with quiet():
+            self._study.sampler = sampler
+            trial = self._study.ask(self._ranges)
+            return trial.number, plain_values(self._space, trial.params)
+
+    def tell(self, trial: Trial) -> tuple[tuple[float, ...] | None, float]:
+        """Its objectives, None where it failed or was refused, and its violation."""
+        values = tuple(map(float, trial.objectives))
+        violation = float(trial.violation)
+        violation = 0.0 if violation <= 0 else min(violation, LARGEST) if violation == violation else LARGEST
+        good = violation == 0 and all(map(math.isfinite, values)) and len(values) == self._space.objectives
+        if good:
+            self._worst = [max(pair) for pair in zip(self._worst or values, values, strict=True)]
+            self._finish(trial.number, values, 0.0)
+            return values, 0.0
+        if self._constraints:
+            standing = self._worst or [0.0] * self._space.objectives
+        else:
+            standing = fitness([Result(None, violation)], self._worst[0] if self._worst else None)
+        self._finish(trial.number, standing, violation or FAILED_VIOLATION)
+        return None, violation
+
+    def values(self, number: int) -> dict[str, Value]:
+        """A candidate's values by variable."""
+        return plain_values(self._space, self._trials()[number].params)
+
+    def is_open(self, number: int) -> bool:
+        """Whether a candidate was asked for and not told."""
+        known = self._trials()
+        return 0 <= number < len(known) and known[number].state is TrialState.RUNNING
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` takes, as JSON values."""
+        return {
+            "trials": [  # what a sampler reads of them; dates are left out
+                {
+                    "state": trial.state.name,
+                    "params": dict(trial.params),
+                    "values": list(trial.values) if trial.values is not None else None,
+                    "system": dict(trial.system_attrs),
+                }
+                for trial in self._trials()
+            ],
+            "study": self._storage.get_study_system_attrs(self._study_id),
+            "worst": self._worst,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Fill an empty memory."""
+        for values in state["trials"]:
+            template = create_trial(
+                state=TrialState[values["state"]],
+                params=dict(values["params"]),
+                distributions={name: self._ranges[name] for name in values["params"]},
+                values=values["values"],
+                system_attrs=dict(values["system"]),
+            )
+            self._storage.create_new_trial(self._study_id, template)
+        for key, value in state["study"].items():
+            self._storage.set_study_system_attr(self._study_id, key, value)
+        self._worst = state["worst"]
+
+    @property
+    def _study_id(self) -> int:
+        return self._storage.get_study_id_from_name(self._study.study_name)
+
+    def _trials(self) -> list[FrozenTrial]:
+        return self._storage.get_all_trials(self._study_id, deepcopy=False)
+
+    def _finish(self, number: int, values: Sequence[float], violation: float) -> None:
+        if self._constraints:
+            constraint = create_trial(state=TrialState.PRUNED, constraints={VIOLATION: violation})
+            trial_id = self._storage.get_trial_id_from_study_id_trial_number(self._study_id, number)
+            for key, value in constraint.system_attrs.items():
+                self._storage.set_trial_system_attr(trial_id, key, value)
+        with quiet():
+            self._study.tell(number, list(values))

@@ -2,22 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import stable_baselines3
 import torch
+from numpy.typing import NDArray
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from pliant.records.design import Array
-from pliant_plugins.optimizers.ppo.actions import Numbers
 from pliant_plugins.optimizers.ppo.config import PpoConfig
-from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
-from pliant_plugins.optimizers.ppo.episode import episode_spaces
-from pliant_plugins.optimizers.ppo.randomness import CANDIDATE, START, UPDATE, drawn_from
+from pliant_plugins.optimizers.ppo.episode import Numbers, episode_spaces
+
+# What a draw is for; each has a sequence of its own.
+START, CANDIDATE, UPDATE = 0, 1, 2
+
+
+def packed(array: NDArray[Any]) -> dict[str, Any]:
+    """A float array of any shape as JSON values."""
+    little = np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<"), copy=False)
+    return {
+        "type": f"f{array.dtype.itemsize}",
+        "shape": list(array.shape),
+        "bytes": base64.b64encode(little.tobytes()).decode("ascii"),
+    }
+
+
+def unpacked(packet: Mapping[str, Any]) -> NDArray[Any]:
+    """The array again, writable."""
+    raw = np.frombuffer(base64.b64decode(packet["bytes"]), f"<{packet['type']}")
+    return raw.astype(packet["type"]).reshape(packet["shape"])
+
+
+@contextmanager
+def _drawn_from(seed: int, purpose: int, number: int) -> Iterator[None]:
+    """torch and numpy draw from (seed, purpose, number), torch on one thread; after it all is as it was before."""
+    word = int(np.random.SeedSequence((seed, purpose, number)).generate_state(1)[0])
+    threads, numpy_state = torch.get_num_threads(), np.random.get_state()
+    generator = torch.random.default_generator
+    torch_state = generator.get_state()
+    try:
+        if threads != 1:
+            torch.set_num_threads(1)  # sums over threads would depend on their number
+        generator.manual_seed(word)
+        np.random.seed(word)
+        yield
+    finally:
+        np.random.set_state(numpy_state)
+        generator.set_state(torch_state)
+        if threads != 1:
+            torch.set_num_threads(threads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +91,7 @@ class Learner:
         self, config: PpoConfig, observations: int, actions: int, seed: int, start: Numbers | None = None
     ) -> None:
         self.seed, self.updates = seed, 0
-        with drawn_from(torch, seed, START, 0):
+        with _drawn_from(seed, START, 0):
             self.model = stable_baselines3.PPO(
                 "MlpPolicy",
                 _Spaces(config.environments, observations, actions),
@@ -77,13 +116,13 @@ class Learner:
         """The draw of a candidate; its number decides it, and no draw before it."""
         policy = self.model.policy
         policy.set_training_mode(False)
-        with drawn_from(torch, self.seed, CANDIDATE, number), torch.no_grad():
+        with _drawn_from(self.seed, CANDIDATE, number), torch.no_grad():
             action, value, log_prob = policy(torch.from_numpy(observation[None]))
         return Sample(observation, action.numpy()[0], float(value), float(log_prob))
 
     def mean(self, observation: Numbers) -> Numbers:
         """(n,) the policy's mean action, in [−1, 1]."""
-        with drawn_from(torch, self.seed, CANDIDATE, 0):
+        with _drawn_from(self.seed, CANDIDATE, 0):
             action, _ = self.model.predict(observation, deterministic=True)
         return np.asarray(action, np.float32)
 
@@ -93,9 +132,22 @@ class Learner:
         Returns:
             what stable-baselines3 logs of an update, by its names, and the mean reward.
         """
-        model, logger = self.model, self.model.logger
-        with drawn_from(torch, self.seed, UPDATE, self.updates):
-            self._fill(samples, rewards)
+        model, logger, buffer = self.model, self.model.logger, self.model.rollout_buffer
+        side = model.n_envs
+        with _drawn_from(self.seed, UPDATE, self.updates):
+            buffer.reset()
+            for first in range(0, len(samples), side):
+                row = samples[first : first + side]
+                buffer.add(
+                    np.stack([s.observation for s in row]),
+                    np.stack([s.action for s in row]),
+                    rewards[first : first + side],
+                    np.ones(side),
+                    torch.tensor([s.value for s in row]),
+                    torch.tensor([s.log_prob for s in row]),
+                )
+            # Every step ends its episode, so that the return is the reward.
+            buffer.compute_returns_and_advantage(torch.zeros(side), np.ones(side, bool))
             model.train()
         self.updates += 1
         model.num_timesteps += len(samples)
@@ -103,23 +155,6 @@ class Learner:
         logged = {name: float(value) for name, value in logger.name_to_value.items()}
         logger.dump(model.num_timesteps)
         return logged
-
-    def _fill(self, samples: Sequence[Sample], rewards: Array) -> None:
-        """Every step ends its episode, so that the return is the reward."""
-        side = self.model.n_envs
-        buffer = self.model.rollout_buffer
-        buffer.reset()
-        for first in range(0, len(samples), side):
-            row = samples[first : first + side]
-            buffer.add(
-                np.stack([s.observation for s in row]),
-                np.stack([s.action for s in row]),
-                rewards[first : first + side],
-                np.ones(side),
-                torch.tensor([s.value for s in row]),
-                torch.tensor([s.log_prob for s in row]),
-            )
-        buffer.compute_returns_and_advantage(torch.zeros(side), np.ones(side, bool))
 
     def state(self) -> dict[str, Any]:
         """Networks, Adam and counters as JSON values."""
@@ -152,32 +187,15 @@ class _Spaces(VecEnv):
         super().__init__(side, *episode_spaces(observations, actions))
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """No attribute has a value: `render_mode` is asked for."""
-        return [None] * self.num_envs
+        return [None] * self.num_envs  # `render_mode` is asked for
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is."""
         return [False] * self.num_envs
 
     def close(self) -> None:
-        """Nothing is open."""
+        """There is nothing to close."""
 
-    def reset(self) -> Any:
-        """Refused: episodes come through `Learner.sample` and `Learner.learn`."""
-        raise NotImplementedError("this environment only carries spaces")
+    def _refused(self, *given: Any, **named: Any) -> Any:
+        raise NotImplementedError("this environment only carries spaces; episodes come through `Learner`")
 
-    def step_async(self, actions: Any) -> None:
-        """Refused."""
-        self.reset()
-
-    def step_wait(self) -> Any:
-        """Refused."""
-        self.reset()
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused."""
-        self.reset()
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
-        """Refused."""
-        self.reset()
+    reset = step_async = step_wait = set_attr = env_method = _refused

@@ -10,21 +10,115 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
+from pliant.records.design import Array
 from pliant_plugins.native import load_torch
-from pliant_plugins.optimizers.ppo.actions import action_of, values_of
 from pliant_plugins.optimizers.ppo.config import PpoConfig
-from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
-from pliant_plugins.optimizers.ppo.observations import context_of, observations_of
+from pliant_plugins.optimizers.ppo.episode import action_of, context_of, observations_of, values_of
 from pliant_plugins.optimizers.ppo.policy import write_policy
-from pliant_plugins.optimizers.ppo.rewards import Rewards
 
 load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which would load it after ngsolve
 
-from pliant_plugins.optimizers.ppo.learner import Learner, Sample  # noqa: E402
-from pliant_plugins.optimizers.ppo.logs import LiveLog, UpdateLog  # noqa: E402
+from stable_baselines3.common.logger import TensorBoardOutputFormat  # noqa: E402
+
+from pliant_plugins.optimizers.ppo.learner import Learner, Sample, packed, unpacked  # noqa: E402
 
 LARGEST = 1e15  # objective; the square of a larger one overflows in the network's single precision
 ALL_BROKEN = 1.0  # violation from which on `Rewards` sees no difference
+# What a candidate without an objective loses against the worst that is known, as a share of all that is known.
+MARGIN = 0.1
+# Not written by stable-baselines3 either: it is the step itself.
+UNWRITTEN = ("train/n_updates",)
+
+
+class Rewards:
+    """Minus the objective.
+
+    A candidate that failed, or whose objective is NaN, gets the worst reward known so far less a margin: a tenth of
+    the range of the known ones, 1 where that is 0 or nothing is known. One that breaks constraints loses up to
+    another margin, by how far it breaks them (1 or more: all of it).
+
+    They are not normalised by running statistics: PPO normalises the advantages of every batch, and on a problem of
+    two conditions (3000 candidates, three seeds) objectives a thousand times as large, or ten higher in one condition,
+    were learned as well without.
+    """
+
+    def __init__(self) -> None:
+        self._worst, self._best = np.inf, -np.inf
+
+    def of(self, objectives: Array, violations: Array) -> Array:
+        """(n,) rewards of a batch; objectives of what was refused or has failed are NaN."""
+        rewards = -np.asarray(objectives, float)
+        known = rewards[np.isfinite(rewards)]
+        if len(known):
+            self._worst = min(self._worst, float(known.min()))
+            self._best = max(self._best, float(known.max()))
+        worst, span = (self._worst, self._best - self._worst) if self._best >= self._worst else (0.0, 0.0)
+        lowest = worst - (MARGIN * span or 1.0) * (1.0 + np.clip(violations, 0.0, 1.0))
+        return np.where(np.isfinite(rewards), rewards, lowest)
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` takes, as JSON values."""
+        return {"known": [self._worst, self._best] if self._best >= self._worst else None}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """As `state` left them."""
+        self._worst, self._best = state["known"] or (np.inf, -np.inf)
+
+
+class UpdateLog:
+    """One row of named numbers per update, each at the number of candidates that it had learned from."""
+
+    def __init__(self) -> None:
+        self._names: tuple[str, ...] = ()
+        self._rows: list[tuple[float, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, step: int, logged: Mapping[str, float]) -> None:
+        """The next row; every row has the names of the first."""
+        if not self._names:
+            self._names = tuple(sorted(logged))
+        self._rows.append((float(step), *(float(logged.get(name, np.nan)) for name in self._names)))
+
+    def write(self, folder: Path) -> list[Path]:
+        """All rows as a TensorBoard event file, in place of those that are there."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in folder.glob("events.out.tfevents.*"):
+            old.unlink()
+        stream = LiveLog(folder)
+        for step, *values in self._rows:
+            stream.add(int(step), dict(zip(self._names, values, strict=True)))
+        stream.close()
+        return sorted(folder.glob("events.out.tfevents.*"))
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` takes, as JSON values."""
+        return {"names": list(self._names), "rows": packed(np.array(self._rows, float))}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As `state` left it."""
+        self._names = tuple(state["names"])
+        self._rows = [tuple(row) for row in unpacked(state["rows"]).tolist()]
+
+
+class LiveLog:
+    """A TensorBoard event file that grows while the policy learns, by stable-baselines3's writer."""
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            self._stream = TensorBoardOutputFormat(str(folder))
+        except OSError as error:
+            raise UserError(f"optimizer.tensorboard: '{folder}' cannot be written ({error}).") from None
+
+    def add(self, step: int, logged: Mapping[str, float]) -> None:
+        """The numbers of one update."""
+        excluded = {name: ("tensorboard",) if name in UNWRITTEN else () for name in logged}
+        self._stream.write(dict(logged), excluded, step)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._stream.close()
 
 
 class Ppo(Optimizer):
@@ -73,13 +167,12 @@ class Ppo(Optimizer):
         room = self.batch - self._asked % self.batch
         numbers = range(self._asked, self._asked + min(count, room))
         self._asked = numbers.stop
-        return [self._drawn(number) for number in numbers]
-
-    def _drawn(self, number: int) -> Trial:
-        context = context_of(number, len(self._space.contexts), self._seed)
-        sample = self._learner.sample(self._seen[context], number)
-        self._waiting[number] = sample
-        return Trial(number, values_of(sample.action, self._space.variables), context)
+        drawn = []
+        for number in numbers:
+            context = context_of(number, len(self._space.contexts), self._seed)
+            sample = self._waiting[number] = self._learner.sample(self._seen[context], number)
+            drawn.append(Trial(number, values_of(sample.action, self._space.variables), context))
+        return drawn
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """Take results in; learn from each batch that they complete."""

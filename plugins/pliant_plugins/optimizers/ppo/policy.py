@@ -25,7 +25,7 @@ import numpy as np
 from pliant.errors import UserError, closest
 from pliant.interfaces.optimizer import Space, Value, Variable
 from pliant_plugins.native import load_torch
-from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
+from pliant_plugins.optimizers.ppo.episode import Numbers, episode_spaces, values_of
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import ActorCriticPolicy
@@ -126,8 +126,6 @@ def _network(path: Path, observations: int, actions: int) -> ActorCriticPolicy:
     """The policy in stable-baselines3's file: its weights, and the sizes of its layers read from them."""
     from stable_baselines3.common.policies import ActorCriticPolicy
     from stable_baselines3.common.save_util import load_from_zip_file
-
-    from pliant_plugins.optimizers.ppo.episode import episode_spaces
 
     weights = load_from_zip_file(path, load_data=False, device="cpu")[1]["policy"]
     hidden = [

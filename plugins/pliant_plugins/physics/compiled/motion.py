@@ -189,7 +189,7 @@ def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def drive_arms(laws, terms, arms, axes, inputs, plain, dt, engine):  # type: ignore[no-untyped-def]
+def drive_arms(laws, arms, axes, p, moments, plain, dt, qpos, force, damping):  # type: ignore[no-untyped-def]
     """`drive` of all arms of a scene, which have no law terms, in one call.
 
     Args:
@@ -197,17 +197,17 @@ def drive_arms(laws, terms, arms, axes, inputs, plain, dt, engine):  # type: ign
         arms: (m, 6) int64: first and last (exclusive) joint, first coordinate, first dof, whether balls, column of
             the main axis.
         axes: (m, 3) as in `drive`.
-        inputs: (m, k) and (m,): values of the actuators and end moment of each arm.
-        engine: qpos, qvel, force and damping of the whole model.
+        p, moments: (m, k) and (m,): values of the actuators and end moment of each arm.
+        qpos, force, damping: of the whole model; velocities matter to law terms only.
     """
     addresses, spans, parameters, signs = laws
-    qpos, qvel, force, damping = engine
+    terms = (np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty(0), 0)
     for k in range(len(arms)):
         first, last, at, dof, ball = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3], arms[k, 4] > 0
         n, a = last - first, 3 if ball else 1
         own, dofs = (addresses[first:last], spans[first:last], parameters, signs), slice(dof, dof + a * n)
-        views = (qpos[at : at + (4 if ball else 1) * n], qvel[dofs], force[dofs], damping[dofs])
-        now, still = (inputs[0][k], inputs[1][k], 0.0), (np.zeros((n, a)), np.zeros(0))
+        views = (qpos[at : at + (4 if ball else 1) * n], force[dofs], force[dofs], damping[dofs])
+        now, still = (p[k], moments[k], 0.0), (np.zeros((n, a)), np.zeros(0))
         drive(own, terms, (ball, axes[k], arms[k, 5]), views, now, (dt, plain, 1.0), np.zeros(n), still)
 
 

@@ -161,11 +161,21 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
         add_inertia(body, free.mass)
         add_shapes(body, Part("object", number), free.friction, free.shapes)
     contact = SubElement(root, "contact")
+    # Negative numbers are MuJoCo's direct format: the penetration does not depend on the step.
+    stiffness = {
+        "solref": text((-config.contact_stiffness, -config.contact_damping)),
+        "solreffriction": text((-config.contact_stiffness, -config.slip_damping)),
+        "solimp": text((config.contact_impedance, config.contact_impedance, 1e-3, 0.5, 2.0)),
+    }
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
         # Objects touch arms, floor and other objects; arms touch the floor.
         if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
-            _add_pair(contact, one, other, config)
+            coefficient = one.friction * other.friction
+            pair = SubElement(contact, "pair", stiffness, geom1=one.name, geom2=other.name)
+            pair.set("condim", str(POINT_FRICTION if coefficient > 0.0 else 1))
+            pair.set("friction", text([coefficient, coefficient, 0.0, 0.0, 0.0]))
+            pair.set("gap", repr(config.near_m) if "arm" in kinds else "0")
     return tostring(root, encoding="unicode"), tuple(geoms)
 
 
@@ -173,21 +183,3 @@ def placed(shape: Shape) -> dict[str, str]:
     """Kind and pose of a shape as a geom has them."""
     rotation = text(quaternion_of_matrix(np.asarray(shape.rotation, float)))
     return {"type": shape.kind, "pos": text(shape.position_m), "quat": rotation}
-
-
-def _add_pair(contact: Element, one: Geom, other: Geom, config: MujocoConfig) -> None:
-    coefficient = one.friction * other.friction
-    stiffness, damping = config.contact_stiffness, config.contact_damping
-    SubElement(
-        contact,
-        "pair",
-        geom1=one.name,
-        geom2=other.name,
-        condim=str(POINT_FRICTION if coefficient > 0.0 else 1),
-        friction=text([coefficient, coefficient, 0.0, 0.0, 0.0]),
-        # Negative numbers are MuJoCo's direct format: the penetration does not depend on the step.
-        solref=text((-stiffness, -damping)),
-        solreffriction=text((-stiffness, -config.slip_damping)),
-        solimp=text((config.contact_impedance, config.contact_impedance, 1e-3, 0.5, 2.0)),
-        gap=repr(config.near_m) if "arm" in (one.part.kind, other.part.kind) else "0",
-    )

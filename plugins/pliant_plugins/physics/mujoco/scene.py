@@ -55,6 +55,8 @@ class MujocoScene(ArmsScene):
             )
         super().__init__(scene, [arm.chain for arm in scene.arms])
         self._config = config
+        self._steps_s = (min(config.contact_timestep_s, config.timestep_s), config.timestep_s)
+        self._room_m = SHARE * config.near_m
         mjcf, geoms = scene_mjcf(scene, config)
         self._model = model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = data = mujoco.MjData(model)
@@ -64,7 +66,7 @@ class MujocoScene(ArmsScene):
         ]
         # What law terms know of the past, arm by arm; None where an arm has none.
         self._memories: list[Memory | None] = [arm.rested() for arm in self._arms]
-        self._engine = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
+        self._engine = (data.qpos, data.qfrc_applied, model.dof_damping)
         self._laws = _joined(self._arms)
         ends = np.cumsum([0, *(arm.n_joints for arm in self._arms)])
         of_arm = enumerate(self._arms)
@@ -138,28 +140,24 @@ class MujocoScene(ArmsScene):
 
     def _longest_step(self, near: bool) -> float:
         """Longest step (s) from the present velocities of all dofs."""
-        config = self._config
-        short = min(config.contact_timestep_s, config.timestep_s)
+        short, long = self._steps_s
         if not len(self._extents):
-            return config.timestep_s
+            return long
         if near:
             return short
         arms, objects = _speeds(self._data.qvel, self._reaches, self._extents)
         if objects > REST_M_S:
             return short
-        return max(short, min(config.timestep_s, SHARE * config.near_m / max(arms + objects, 1e-9)))
+        return max(short, min(long, self._room_m / max(arms + objects, 1e-9)))
 
     def _advance(self, step_s: float) -> None:
         model, data, damping = self._model, self._data, self._config.joint_damping
         model.opt.timestep = step_s
-        arms = list(zip(self._arms, self._loads, self._memories, strict=True))
         if self._laws is None or self._pulled:
-            for arm, loads, memory in arms:
+            for arm, loads, memory in zip(self._arms, self._loads, self._memories, strict=True):
                 arm.drive(loads if memory is None else loads.after(memory.over(step_s)), damping)
         else:
-            drive_arms(
-                self._laws, arms[0][0].terms, *self._table, self._inputs, damping, step_s, self._engine
-            )
+            drive_arms(self._laws, *self._table, *self._inputs, damping, step_s, *self._engine)
         # A force that brings the carriage to its velocity in one step: the arms feel its acceleration.
         place, velocity, force = self._carriage
         force[:] = CARRIAGE_KG / step_s * (self._velocity - velocity)
@@ -167,10 +165,10 @@ class MujocoScene(ArmsScene):
         mujoco.mj_step(model, data)
         place[:], velocity[:] = there, self._velocity
         # Law terms remember a step that has ended where the arms are.
-        self._memories = [
-            None if memory is None else arm.remember(loads.after(memory.over(step_s))).memory
-            for arm, loads, memory in arms
-        ]
+        for k, memory in enumerate(self._memories):
+            if memory is not None:
+                loads = self._loads[k].after(memory.over(step_s))
+                self._memories[k] = self._arms[k].remember(loads).memory
         self._near, self._has_contacts = self._is_near(), True
 
     def snapshot(self) -> SceneState:

@@ -7,7 +7,7 @@ frame: rotation, rate and torque of such a joint are turned by the principal axe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,7 +31,6 @@ UNLIMITED_VELOCITY = 1e9
 STATE_SIZE, BASE_SIZE = 128, 7
 
 
-@dataclass(frozen=True)
 class WorldScale:
     """A world scaled in length: Bullet's contact margins and thresholds are made for bodies of a metre.
 
@@ -39,19 +38,8 @@ class WorldScale:
     accelerations, gravity among them, × s. Angles and their rates stay.
     """
 
-    length: float = 1.0
-
-    @property
-    def mass(self) -> float:
-        return self.length**3
-
-    @property
-    def force(self) -> float:
-        return self.length**4
-
-    @property
-    def torque(self) -> float:
-        return self.length**5
+    def __init__(self, length: float = 1.0) -> None:
+        self.length, self.mass, self.force, self.torque = length, length**3, length**4, length**5
 
     def chain(self, chain: ChainModel) -> ChainModel:
         """The chain as the engine sees it; its laws are not scaled, because efforts are evaluated outside."""

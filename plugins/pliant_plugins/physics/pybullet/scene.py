@@ -19,6 +19,7 @@ from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import matrix_of_quaternion
 from pliant.records.design import Array, MassProperties
+from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
 from pliant_plugins.physics.compiled.efforts import efforts
 from pliant_plugins.physics.compiled.laws import CompiledLaws
@@ -66,6 +67,7 @@ class BulletScene(ArmsScene):
         )
         self._config = config
         self._laws = [None if chain.terms else CompiledLaws.of(chain) for chain in self._chains]
+        self._take()
         self._carriage = np.zeros(3)
         self._pushes: dict[int, tuple[list[float], list[float]]] = {}
         self._stable_s, self._stable_until = math.inf, -math.inf
@@ -84,6 +86,16 @@ class BulletScene(ArmsScene):
     @property
     def joints(self) -> Sequence[BulletArm]:
         return self.arms
+
+    def apply(self, inputs: Sequence[Inputs]) -> None:
+        super().apply(inputs)
+        self._take()
+
+    def _take(self) -> None:
+        """What the steps need of the loads: values of the actuators, and whether anything pulls at an arm."""
+        pairs = zip(self._statics, self._loads, strict=True)
+        self._values = [statics.efforts.values(loads.actuation) for statics, loads in pairs]
+        self._pulled = [bool(x.tip_force_n.any() or x.forces or x.cords) for x in self._loads]
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
         force = self.scale.force * np.array(force_n, float)
@@ -194,7 +206,8 @@ class BulletScene(ArmsScene):
             if loads.moment_n_m:
                 effort[:, self._statics[k].geometry.main] -= loads.moment_n_m
             arm.drive(effort - self._config.joint_damping * rates, q)
-            arm.pull_loads(self._statics[k], loads, q, carriage)
+            if self._pulled[k]:
+                arm.pull_loads(self._statics[k], loads, q, carriage)
         for index, (force, moment) in self._pushes.items():  # at the centre of mass
             body, frame = self.objects[index].body, self.client.WORLD_FRAME
             centre = self.client.getBasePositionAndOrientation(body)[0]
@@ -203,10 +216,9 @@ class BulletScene(ArmsScene):
 
     def _effort(self, k: int, q: Array) -> Array:
         """(n, a) efforts of an arm's laws, without end moment."""
-        laws, joint_efforts, actuation = self._laws[k], self._statics[k].efforts, self._loads[k].actuation
+        laws, values, (n, a) = self._laws[k], self._values[k], q.shape
         if laws is None:
-            return joint_efforts.evaluate(q, actuation).tau
-        values, (n, a) = joint_efforts.values(actuation), q.shape
+            return self._statics[k].efforts.evaluate(q, self._loads[k].actuation).tau
         tau = np.empty((n, a))
         efforts(laws.arrays, q, values, tau, np.empty((len(values), n, a)), np.empty((n, a, a)))
         return tau

@@ -37,7 +37,7 @@ class Network:
 
     @property
     def n_axes(self) -> int:
-        """k."""
+        """Number k of the joint's axes."""
         return len(self.effort)
 
     @property

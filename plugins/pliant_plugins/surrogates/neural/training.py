@@ -281,5 +281,5 @@ def _step(torch: Any, system: System, theta: Any, damping: Any, weight: Any, goi
 
 
 def _loss(residual: Any, theta: Any, weight: Any) -> Any:
-    """(g,)."""
+    """(g,) loss of every group."""
     return (residual * residual).sum(dim=1) + (weight * theta * theta).sum(dim=1)

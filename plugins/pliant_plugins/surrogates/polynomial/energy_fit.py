@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -130,15 +130,11 @@ def _best(own: FemDataset, max_main: int) -> Candidate:
     """Of several largest degrees the one that misses states left out least, stable if that costs little."""
     side = np.array([[own.angle_rad.min(), own.angle_rad.max()]])
     domain = Domain(np.array([own.actuation.min(), own.actuation.max()]), side)
-    found = list(_degrees_tried(own, domain, max_main))
+    degrees = sorted({max(LEAST_DEGREE, max_main + more) for more in DEGREES})
+    found = [fit_adaptive(own, domain, degree)[0] for degree in degrees]
     size = float(np.ptp(own.moment_n_m))
     errors = [_trimmed((left_out(one) / size) ** 2) for one in found]
     return found[stable_choice(errors, [one.largest_slope for one in found])]
-
-
-def _degrees_tried(own: FemDataset, domain: Domain, max_main: int) -> Iterator[Candidate]:
-    for degree in sorted({max(LEAST_DEGREE, max_main + more) for more in DEGREES}):
-        yield fit_adaptive(own, domain, degree)[0]
 
 
 def _trimmed(squares: Array) -> float:
@@ -335,16 +331,12 @@ def largest_slope(law: EnergyLaw, only: int | None = None) -> float:
     With `only`, ∂τ/∂u of that axis while the others are held at zero.
     """
     in_p, in_u = STABILITY_GRID if only is None else ALONE_GRID
-    sides = [np.linspace(*_ends(law.domain.actuation), in_p)]
+    sides = [np.linspace(law.domain.actuation[0], law.domain.actuation[1], in_p)]
     for k, side in enumerate(law.domain.deformation):
-        sides.append(np.linspace(*_ends(side), in_u) if only in (None, k) else np.zeros(1))
+        sides.append(np.linspace(side[0], side[1], in_u) if only in (None, k) else np.zeros(1))
     at = np.array(list(product(*sides)))
     K = law.stiffness_in_box(at[:, 0], at[:, 1:])
     return float(-(np.linalg.eigvalsh(K) if only is None else K[:, only, only]).min())
-
-
-def _ends(side: Array) -> tuple[float, float]:
-    return float(side[0]), float(side[1])
 
 
 def _choice(

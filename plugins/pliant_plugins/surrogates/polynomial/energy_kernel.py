@@ -9,7 +9,7 @@ file of a function. No operation is reordered or fused.
 from __future__ import annotations
 
 import math
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -191,47 +191,6 @@ def shared(parameters: Array, share: float) -> Array:
     told[2:AXES] = np.where(np.abs(acting) >= UNBOUNDED, acting, acting / share)
     told[GAINS:HEADER] *= share
     return told
-
-
-def pack(
-    exponents: NDArray[np.int64],
-    coefficients: Array,
-    maps: tuple[Array, Array],
-    box: Array,
-    reaches: tuple[Array, Array],
-    bowls: Array,
-    gains: Array,
-) -> Array:
-    """The parameters of `energy_effort` for terms (m, 1 + k), c (m,), maps of p (2,) and u (k, 2), box (1 + k, 2).
-
-    `reaches` are those in p (2,) and in u (k,), `bowls` (k,), `gains` (2, k). Terms of p alone are left out.
-    """
-    k = exponents.shape[1] - 1
-    axes = np.tile([0.0, 1.0, -UNBOUNDED, UNBOUNDED, 1.0, 0.0], (3, 1))
-    axes[:k] = np.column_stack([maps[1], box[1:], reaches[1], bowls])
-    reference = np.zeros((2, 3))
-    reference[:, :k] = gains
-    columns = int(exponents[:, 0].max(initial=0)) + 1
-    monomials, place = _monomials(exponents[:, 1:].astype(np.int64).tobytes(), len(exponents), k)
-    table = np.zeros((len(monomials), columns))
-    np.add.at(table, (place, exponents[:, 0]), coefficients)
-    rows = np.column_stack([monomials, table])[monomials.any(axis=1)]
-    header = [len(rows), columns, *maps[0], *box[0], *reaches[0]]
-    numbers = np.concatenate([header, axes.ravel(), reference.ravel(), rows.ravel()])
-    return np.clip(numbers, -UNBOUNDED, UNBOUNDED)
-
-
-@lru_cache(maxsize=64)
-def _monomials(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.int64]]:
-    """Of terms with exponents of u (terms, k): whether coupled, exponents of u₁ … u₃, of each monomial; its terms.
-
-    Laws of one form, of which a search packs thousands, differ in coefficients only.
-    """
-    exponents = np.zeros((terms, 3), np.int64)
-    exponents[:, :k] = np.frombuffer(powers, np.int64).reshape(terms, k)
-    monomials, place = np.unique(exponents, axis=0, return_inverse=True)
-    coupled = np.count_nonzero(monomials, axis=1) > 1
-    return np.column_stack([coupled, monomials]).astype(float), place.ravel()
 
 
 # Points that go through the terms together: their powers stay in the first-level cache.

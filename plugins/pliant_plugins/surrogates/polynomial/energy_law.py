@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -18,7 +18,6 @@ from pliant_plugins.surrogates.polynomial.energy_kernel import (
     UNBOUNDED,
     energy_effort,
     evaluate,
-    pack,
     shared,
 )
 from pliant_plugins.surrogates.polynomial.law import KIND, monomials
@@ -51,10 +50,33 @@ class Continuation:
 
 
 def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: Continuation) -> Array:
-    """The parameters of `energy_kernel.energy_effort`; box (1 + k, 2)."""
-    maps = (basis.actuation_map, basis.deformation_map)
-    reaches = (how.reach_p, how.reach_u)
-    return pack(basis.exponents, coefficients, maps, box, reaches, how.bowls, how.gains)
+    """The parameters of `energy_kernel.energy_effort`; box (1 + k, 2). Terms of p alone are left out."""
+    k, exponents = len(box) - 1, basis.exponents
+    axes = np.tile([0.0, 1.0, -UNBOUNDED, UNBOUNDED, 1.0, 0.0], (3, 1))
+    axes[:k] = np.column_stack([basis.deformation_map, box[1:], how.reach_u, how.bowls])
+    reference = np.zeros((2, 3))
+    reference[:, :k] = how.gains
+    columns = int(exponents[:, 0].max(initial=0)) + 1
+    monomials, place = _monomials_of(exponents[:, 1:].astype(np.int64).tobytes(), len(exponents), k)
+    table = np.zeros((len(monomials), columns))
+    np.add.at(table, (place, exponents[:, 0]), coefficients)
+    rows = np.column_stack([monomials, table])[monomials.any(axis=1)]
+    header = [len(rows), columns, *basis.actuation_map, *box[0], *how.reach_p]
+    numbers = np.concatenate([header, axes.ravel(), reference.ravel(), rows.ravel()])
+    return np.clip(numbers, -UNBOUNDED, UNBOUNDED)
+
+
+@lru_cache(maxsize=64)
+def _monomials_of(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.int64]]:
+    """Of terms with exponents of u (terms, k): whether coupled, exponents of u₁ … u₃, of each monomial; its terms.
+
+    Laws of one form, of which a search packs thousands, differ in coefficients only.
+    """
+    exponents = np.zeros((terms, 3), np.int64)
+    exponents[:, :k] = np.frombuffer(powers, np.int64).reshape(terms, k)
+    monomials, place = np.unique(exponents, axis=0, return_inverse=True)
+    coupled = np.count_nonzero(monomials, axis=1) > 1
+    return np.column_stack([coupled, monomials]).astype(float), place.ravel()
 
 
 def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> Continuation:

@@ -127,8 +127,8 @@ class PolynomialLaw(ContinuedLaw):
         rows = np.vander(x, len(self.coefficients), increasing=True) @ self._table
         return np.einsum("nkj,nj->nk", rows.reshape(len(u), 4, -1), columns)
 
-    def _least_reach(self) -> float:
-        return 1e-3 * float(self.actuation_map[1])
+    def _half_width(self) -> float:
+        return float(self.actuation_map[1])
 
     def _areas(self, p: Array, u: Array) -> Array:
         """(2, n) ∫ τ du and ∫ ∂p τ du from the angle u₀ of the map."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import Domain, FitReport, JointLaw
-from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.states import Mask, Split
 from pliant_plugins.surrogates.polynomial.study import (
     energies_known,
@@ -185,35 +184,28 @@ def study_beside(split: Split[FemDataset], odd: bool = False) -> dict[str, Any]:
 
     `study_form` is fitted by least squares; `study_finite_differences` is there where strain energies are known.
     """
-    found = {"study_form": _scored(split, odd, fit_study)}
+    procedures = {"study_form": fit_study}
     if energies_known(split.fit):
-        found["study_finite_differences"] = _scored(split, odd, fit_differences)
-    return found
-
-
-def _scored(
-    split: Split[FemDataset], odd: bool, procedure: Callable[[FemDataset, bool], StudyCoefficients]
-) -> dict[str, Any]:
-    try:
-        coefficients = procedure(split.fit, odd)
-    except UserError as error:
-        return {"problem": str(error)}
+        procedures["study_finite_differences"] = fit_differences
+    found: dict[str, Any] = {}
     check = split.check
-    law = study_law(coefficients, odd, split.domain, split.fit.actuation_name, split.fit.axis)
-    missed = law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
-    scores: dict[str, Any] = errors(missed, check.moment_n_m, float(split.ranges[0]))
-    return {**scores, "parameters": coefficients.canonical(), "odd": odd}
+    for name, procedure in procedures.items():
+        try:
+            coefficients = procedure(split.fit, odd)
+        except UserError as error:
+            found[name] = {"problem": str(error)}
+            continue
+        law = study_law(coefficients, odd, split.domain, split.fit.actuation_name, split.fit.axis)
+        missed = law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
+        scores = errors(missed, check.moment_n_m, float(split.ranges[0]))
+        found[name] = {**scores, "parameters": coefficients.canonical(), "odd": odd}
+    return found
 
 
 def coverage(data: FemDataset, domain: Domain) -> float:
     """Share of the domain's box inside the convex hull of the fitted states; the rest is extrapolation."""
-    points = np.stack(
-        [
-            (data.actuation - domain.actuation[0]) / np.ptp(domain.actuation),
-            (data.angle_rad - domain.deformation[0, 0]) / np.ptp(domain.deformation[0]),
-        ],
-        axis=1,
-    )
+    box = np.vstack([domain.actuation, domain.deformation])
+    points = (np.column_stack([data.actuation, data.angle_rad]) - box[:, 0]) / np.ptp(box, axis=1)
     try:
         return float(ConvexHull(points).volume)
     except QhullError:

@@ -44,7 +44,9 @@ class System:
 
     def __init__(self, data: FemDataset, domain: Domain) -> None:
         self.data, self.domain = data, domain
-        self.x_map, self.v_map = _to_unit(domain.actuation), _to_unit(domain.deformation[0])
+        # centre and half-width
+        sides = (domain.actuation, domain.deformation[0])
+        self.x_map, self.v_map = (np.array([side.mean(), np.ptp(side) / 2]) for side in sides)
         self.x = (data.actuation - self.x_map[0]) / self.x_map[1]
         self.v = (data.angle_rad - self.v_map[0]) / self.v_map[1]
         self.range = float(np.ptp(data.moment_n_m))
@@ -83,7 +85,10 @@ class System:
             (bears * X[:, i] * DV[:, j], self.slopes[1], SLOPE_WEIGHT),
         ]
         if not bears.all():
-            integral = np.where(bears, -_integrals(self.v, j.max())[:, j], 1.0)
+            # ∫ T_0 … from 0 to v
+            series = [chebyshev.chebint(one, lbnd=0) for one in np.eye(j.max() + 1)]
+            integrals = np.stack([chebyshev.chebval(self.v, one) for one in series], axis=1)
+            integral = np.where(bears, -integrals[:, j], 1.0)
             wanted.append((X[:, i] * integral, self.potential, POTENTIAL_WEIGHT))
             wanted.append((-DX[:, i] * integral, self.travel, POTENTIAL_WEIGHT))
         matrix, right, state = [], [], []
@@ -155,11 +160,6 @@ def levels_of(coordinate: Array, jitter: float = 0.0) -> NDArray[np.int64]:
     return level
 
 
-def _to_unit(limits: Array) -> Array:
-    """(2,) centre and half-width."""
-    return np.array([limits.mean(), np.ptp(limits) / 2])
-
-
 def _chebyshev(x: Array, degree: int) -> tuple[Array, Array]:
     """T_0…T_degree and their derivatives at x, both (n, degree + 1)."""
     values = np.asarray(chebyshev.chebvander(x, degree), dtype=np.float64)
@@ -167,12 +167,6 @@ def _chebyshev(x: Array, degree: int) -> tuple[Array, Array]:
     for k in range(1, degree + 1):
         slopes[:, k] = chebyshev.chebval(x, chebyshev.chebder(np.eye(degree + 1)[k]))
     return values, slopes
-
-
-def _integrals(x: Array, degree: int) -> Array:
-    """∫ T_0 … ∫ T_degree from 0 to x, (n, degree + 1)."""
-    series = [chebyshev.chebint(np.eye(degree + 1)[k], lbnd=0) for k in range(degree + 1)]
-    return np.stack([chebyshev.chebval(x, one) for one in series], axis=1)
 
 
 def _monomials(coefficients: Array) -> Array:

@@ -19,8 +19,7 @@ from pliant.records.scene import Scene, SceneFrames, SceneStill
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode, play
 from pliant_plugins.tasks.grasp.metrics import TrialMetrics, reward, summary, trial_lists, trial_metrics
-from pliant_plugins.tasks.grasp.objects import GraspObject, grasp_object
-from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.scene import Draw, GraspObject, grasp_object, grasp_scene
 
 STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
 

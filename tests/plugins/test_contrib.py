@@ -1,8 +1,9 @@
-"""The optimizers of contrib, in a fresh environment: found, and they search without a change to core."""
+"""The packages of contrib in a fresh environment: found, passing their own tests, working without a change to core."""
 
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -14,30 +15,48 @@ from tests.cli.search_study import BUDGET, STUDY
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
 
-pytest.importorskip("pymoo")
-PACKAGE = Path(__file__).parents[2] / "contrib" / "pliant-pymoo"
+CONTRIB = Path(__file__).parents[2] / "contrib"
+needs_pymoo = pytest.mark.skipif(
+    not importlib.util.find_spec("pymoo"), reason="needs pymoo: pip install pymoo"
+)
+each = pytest.mark.parametrize("name", ["pliant-calculix", pytest.param("pliant-pymoo", marks=needs_pymoo)])
+KINDS = {
+    "pliant-calculix": {("fem", "calculix")},
+    "pliant-pymoo": {("optimizer", "de"), ("optimizer", "nsga2")},
+}
 
 
 @pytest.fixture(scope="module")
 def environment(new_environment: Callable[[], Any]) -> Any:
     made = new_environment()
-    made.install([PACKAGE])
+    made.install([CONTRIB / name for name in KINDS])
     return made
 
 
-def test_optimizers_are_found(environment: Any) -> None:
+@each
+def test_its_kinds_are_found(environment: Any, name: str) -> None:
     done = environment.run("-m", "pliant", "plugins", "--json", "-", "--quiet")
     assert done.returncode == 0, done.stderr
-    packages = {(c["interface"], c["kind"]): c["package"] for c in json.loads(done.stdout)["components"]}
-    assert packages["optimizer", "de"] == packages["optimizer", "nsga2"] == "pliant-pymoo 0.1.0"
+    found = json.loads(done.stdout)["components"]
+    assert KINDS[name] <= {(c["interface"], c["kind"]) for c in found if c["package"] == f"{name} 0.1.0"}
 
 
-def test_optimizers_pass_their_own_tests(environment: Any) -> None:
-    """Conformance among them."""
-    done = environment.run("-m", "pytest", "-q", "-p", "no:cacheprovider", PACKAGE / "tests", cwd=PACKAGE)
+@each
+def test_it_passes_its_own_tests(environment: Any, name: str) -> None:
+    """Conformance among them. What needs ccx is skipped without it: the decks are judged anyway."""
+    package = CONTRIB / name
+    done = environment.run("-m", "pytest", "-q", "-p", "no:cacheprovider", package / "tests", cwd=package)
     assert done.returncode == 0, done.stdout[-2000:]
 
 
+def test_a_study_says_that_the_program_is_missing(environment: Any, tmp_path: Path) -> None:
+    study = CONTRIB / "pliant-calculix" / "examples" / "check.yaml"
+    done = environment.run("-m", "pliant", "fem", study, "fem.program=no-such-ccx", "--quiet", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "apt install calculix-ccx" in " ".join(done.stderr.split())
+
+
+@needs_pymoo
 def test_differential_evolution_searches_a_study(environment: Any, tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     change = ["optimizer={kind: de, population: 12}", f"search.budget={3 * BUDGET}"]

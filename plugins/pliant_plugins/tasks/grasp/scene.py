@@ -1,4 +1,4 @@
-"""The object of a grasp: its shape, its mass with the extra weights, and how it stands on the floor."""
+"""The scene of one trial: the object with its extra weights, how it stands on the floor, and the fingers around it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.rotations import exp_map
 from pliant.meshing.surfaces import support
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
-from pliant.records.scene import FreeBody
+from pliant.records.scene import Arm, FreeBody, Scene
 from pliant.records.shape import Shape
 from pliant_plugins.solids import read_solid
 from pliant_plugins.tasks.grasp.config import GraspConfig, ObjectConfig
 
+DOWN = np.array([0.0, 0.0, -1.0])
 DIMENSIONS = {"egg": (0.030, 0.065, 0.050), "cylinder": (0.016, 0.035, 0.010)}  # radius m, height m, mass kg
 FOOT_RADIUS_M = 0.008
+# Object's radius less base radius, as in the published study.
 INSETS_M = {"egg": 0.016}
 OTHER_INSET_M = 0.002
 HEAVIEST_KG = 50.0
@@ -36,10 +41,6 @@ class GraspObject:
     radius_m: float
     note: str = ""
 
-    def moved(self, offset_m: Array) -> FreeBody:
-        """The body placed beside the vertical."""
-        return replace(self.body, position_m=self.body.position_m + offset_m)
-
 
 def grasp_object(config: GraspConfig) -> GraspObject:
     """The configured object with its extra weights.
@@ -49,7 +50,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
     """
     shape, mass, note = _part(config.object) if config.object.mesh else _simple(config.object)
     foot = _foot(shape, config.object)
-    bottom = -support(shape, np.array([0.0, 0.0, -1.0]))
+    bottom = -support(shape, DOWN)
     high, low = ([support(shape, sign * axis) for axis in np.eye(3)[:2]] for sign in (1.0, -1.0))
     across = [0.5 * (a - b) for a, b in zip(high, low, strict=True)]
     if config.extra_weights:
@@ -71,11 +72,6 @@ def grasp_object(config: GraspConfig) -> GraspObject:
         rotation=np.eye(3),
     )
     return GraspObject(body, max(0.5 * (a + b) for a, b in zip(high, low, strict=True)), note)
-
-
-def default_inset_m(config: ObjectConfig) -> float:
-    """Object's radius less base radius, as in the published study."""
-    return INSETS_M.get(config.shape or "", OTHER_INSET_M)
 
 
 def _simple(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
@@ -126,3 +122,80 @@ def _part(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
             f"{100 * excess:.0f} % more than the part."
         )
     return Shape("mesh", (), np.zeros(3), np.eye(3), solid.hull), solid.mass(density), note
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """What noise does in one trial: factor of the friction, offsets of the pressure (Pa) and the object (3,) m."""
+
+    friction: float
+    pressure_pa: float
+    offset_m: Array
+
+    @staticmethod
+    def none() -> Draw:
+        """The nominal trial, without noise."""
+        return Draw(1.0, 0.0, np.zeros(3))
+
+    @staticmethod
+    def of(config: GraspConfig, trial: int, radius_m: float) -> Draw:
+        """Trial `trial` of the config's seed: uniform numbers, and a place uniform in a disc."""
+        random = np.random.default_rng([config.seed, trial])
+        friction, pressure = random.uniform(-1.0, 1.0, 2)
+        reach = config.noise.placement * radius_m * np.sqrt(random.uniform())
+        angle = random.uniform(0.0, 2 * np.pi)
+        return Draw(
+            1.0 + config.noise.friction * float(friction),
+            config.noise.pressure_pa * float(pressure),
+            reach * np.array([np.cos(angle), np.sin(angle), 0.0]),
+        )
+
+
+def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, draw: Draw) -> Scene:
+    """Copies of the chain around the object, above it by the height that they are lowered.
+
+    A finger's chain axis leans outward by the inclination, its −z side, toward which it bends, looks at the
+    vertical. Its base stands at the base radius, so high that the lowest point of the straight finger comes to
+    the grasp height.
+
+    Raises:
+        UserError: the chain has nothing that collides.
+    """
+    if not any(chain.shapes):
+        raise UserError(
+            "task 'grasp': the chain has no collision shapes; give the study a 'family' block, or the chain a "
+            "'module_radius'."
+        )
+    usual = INSETS_M.get(config.object.shape or "", OTHER_INSET_M)
+    inset = usual if config.base_inset_m is None else config.base_inset_m
+    radius = target.radius_m - inset if config.base_radius_m is None else config.base_radius_m
+    if radius < 0:
+        raise UserError(
+            f"task 'grasp': base_inset {1e3 * inset:g} mm is larger than the object's radius of "
+            f"{1e3 * target.radius_m:g} mm."
+        )
+    # the finger's frame on the world's +x side: x down and outward, −z toward the vertical
+    s, c = np.sin(config.inclination_rad), np.cos(config.inclination_rad)
+    x, z = np.array([s, 0.0, -c]), np.array([c, 0.0, s])
+    tilted = np.stack([x, np.cross(z, x), z], axis=1)
+    height = config.grasp_height_m + _depth_m(chain, tilted) + config.lower_height_m
+    arms = []
+    for k in range(config.fingers):
+        turn = exp_map(np.array([0.0, 0.0, 2 * np.pi * k / config.fingers]))
+        place = turn @ np.array([radius, 0.0, height])
+        finger = chain.with_(base_position_m=place, base_rotation=turn @ tilted)
+        arms.append(Arm(finger, draw.friction * config.friction))
+    return Scene(
+        arms=tuple(arms),
+        objects=(replace(target.body, position_m=target.body.position_m + draw.offset_m),),
+        floor_m=0.0,
+        gravity_m_s2=np.asarray(chain.gravity_m_s2, float),
+    )
+
+
+def _depth_m(chain: ChainModel, rotation: Array) -> float:
+    """How far the lowest point of the straight chain lies below its base."""
+    geometry = ChainGeometry.of(chain.with_(base_position_m=np.zeros(3), base_rotation=rotation))
+    pose = geometry.forward(np.zeros((chain.n_joints, len(chain.axes))))
+    bodies = zip(chain.shapes, pose.rotations, pose.origins, strict=True)
+    return max(support(s.placed(turn, origin), DOWN) for shapes, turn, origin in bodies for s in shapes)

@@ -1,0 +1,32 @@
+"""Pages of the docs as tests need them: their blocks of text, and their commands, run as they stand."""
+
+import re
+import shlex
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import app
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+
+def text_of(name: str) -> str:
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+def commands(text: str) -> list[str]:
+    """The `pliant` commands of a page's console blocks, without their comments."""
+    return re.findall(r"^\$ pliant ([^#\n]*)", "\n".join(blocks(text, "console")), re.M)
+
+
+def run(command: str, *more: str) -> str:
+    """What a command prints; it must succeed."""
+    done = CliRunner().invoke(app, [*shlex.split(command), *more], env={"COLUMNS": "200"})
+    assert done.exit_code == 0, done.output
+    return done.stdout
