@@ -21,7 +21,6 @@ from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
     ReadingVector,
-    Residuals,
     Score,
     condition_of_runs,
     heldout_residual,
@@ -31,7 +30,7 @@ from pliant.diagnosis.fitting import (
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
 from pliant.errors import UserError
-from pliant.evidence.places import padded
+from pliant.evidence.places import Residuals, padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import noise_floors

@@ -17,7 +17,7 @@ import numpy as np
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import Residuals, Score, score
+from pliant.diagnosis.fitting import Score, score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.search import Tick
@@ -31,6 +31,7 @@ from pliant.diagnosis.verdict import (
     sorted_kinds,
 )
 from pliant.evidence.comparison import compare, interpret
+from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
