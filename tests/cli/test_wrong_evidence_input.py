@@ -66,8 +66,11 @@ TWO = ("--effect", "stiffness", "--effect", "actuation_gain")
 # Verb, study, files, options, what is said of it.
 SAID = [
     *(
-        (verb, CHAIN, [table(f"angle_rad,{column}")], (), f"The model has no {column}: left out.")
-        for verb in ("compare", "diagnose")
+        (verb, CHAIN, [table(f"angle_rad,{column}")], (), says.format(column))
+        for verb, says in (
+            ("compare", "Not compared, because the model or the file has no values of it: {}."),
+            ("diagnose", "The model has no {}: left out."),
+        )
         for column in ("joint_9_angle_rad", "marker_9_x_m")
     ),
     # In millimetres without a unit; in `diagnose` no effect can make such readings.

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.surrogates.laws import STATED, WAVY, network_law, one_by_one
-from tests.surrogates.test_drawn_laws import BOX, BOX3, bar, one_axis, three_axes
+from tests.surrogates.laws import STATED, WAVY, energy_law, network_law, one_by_one
+from tests.surrogates.test_drawn_laws import with_bar
 
 from pliant.config.chain import ChainConfig
 from pliant.mechanics.law_draws import draws
@@ -30,7 +30,7 @@ def shipped() -> dict[str, JointLaw]:
     return {
         **polynomials,
         "axes": AxesLaw((WAVY, STATED["unbounded"], replace(WAVY, odd=0.0))),
-        "energy": three_axes(bar(BOX3, 1e-4)),
+        "energy": with_bar(energy_law(3)),
         "neural": network_law(3),
         "table": table,
     }
@@ -75,7 +75,7 @@ def test_slopes_are_those_of_the_effort_and_the_effort_that_of_the_energy(name: 
 
 
 def test_domain_and_error_are_told_in_the_chains_actuation() -> None:
-    inside = one_axis(bar(BOX, 1e-4))
+    inside = with_bar(WAVY)
     law = SharedActuation(inside, 0.5)
     np.testing.assert_allclose(law.domain.actuation, 2 * inside.domain.actuation)
     p, u = np.array([4e3, 20e3]), np.array([[0.1], [0.5]])
@@ -86,7 +86,7 @@ def test_domain_and_error_are_told_in_the_chains_actuation() -> None:
 
 
 def test_draws_are_those_of_the_law_inside() -> None:
-    inside = one_axis(bar(BOX, 1e-4))
+    inside = with_bar(WAVY)
     p, u = np.array([4e3, 20e3]), np.array([[0.1], [0.5]])
     for found, wanted in zip(draws(SharedActuation(inside, 0.5), 3, 7), draws(inside, 3, 7), strict=True):
         np.testing.assert_allclose(found.evaluate(p, u).tau, wanted.evaluate(p / 2, u).tau)
@@ -94,7 +94,7 @@ def test_draws_are_those_of_the_law_inside() -> None:
 
 
 def test_segments_of_one_law_share_its_drawn_error() -> None:
-    module = rod_module(one_axis(bar(BOX, 1e-4)), 0.01, 0.002)
+    module = rod_module(with_bar(WAVY), 0.01, 0.002)
     config = ChainConfig.model_validate(
         {"segments": [{"modules": 1}, {"modules": 1, "actuation_share": 0.5}]}
     )

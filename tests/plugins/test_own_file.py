@@ -19,7 +19,7 @@ from pliant.errors import UserError
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.registry.discovery import discover
-from pliant.registry.files import components_of, with_files
+from pliant.registry.files import components_of, files_of, with_files
 from pliant.testing.histories import follow_joint, triangles
 from pliant.testing.samples import sample_chain
 
@@ -194,6 +194,16 @@ def test_a_file_is_known_once(folder: Path) -> None:
     once = with_files(REGISTRY, [folder / "rise.py"])
     assert with_files(once, [folder / "rise.py", folder / "rise.py"]) == once
     assert len(once.components) == len(REGISTRY.components) + 1
+
+
+def test_an_edited_file_is_known_by_its_new_code(folder: Path) -> None:
+    write(folder)
+    file = folder / "rise.py"
+    before = with_files(REGISTRY, [file])
+    write(folder, EFFECT.replace("1.0 + parameters", "1.5 + parameters"))
+    after = with_files(REGISTRY, [file])
+    assert files_of(REGISTRY) == () and files_of(after) == files_of(before) == (str(file),)
+    assert after.get("effect", "rise").implementation != before.get("effect", "rise").implementation
 
 
 def test_a_hook_in_the_file_is_asked(folder: Path) -> None:

@@ -31,7 +31,7 @@ from pliant.measurements.floors import Floor
 from pliant.pipeline.remote import registry_with
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.registry.files import loaded_files
+from pliant.registry.files import files_of
 
 FEWEST_FOLDS = 3
 QUARTERS = 4
@@ -172,7 +172,7 @@ class Fitter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its points, and after the files with effects of the user's own."""
-        return _arrived, (loaded_files(), pickle.dumps((self.predictor, self.readings, self.weights)))
+        return _arrived, (files_of(self.predictor.bench.registry), pickle.dumps((self.predictor, self.readings, self.weights)))
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array]]) -> EffectFit:
         """`fit` of a candidate and its starts as one item of a `JobQueue`."""

@@ -70,16 +70,17 @@ def components_of(file: Path) -> list[Component]:
     return [_component(effect, own, module, file) for effect in effects]
 
 
-def loaded_files() -> tuple[str, ...]:
-    """Files that this process has taken effects from, as `with_files` takes them elsewhere."""
-    loaded = [module for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)]
-    return tuple(str(module.__file__) for module in loaded)
+def files_of(registry: Registry) -> tuple[str, ...]:
+    """Files that this registry has effects from, as `with_files` takes them elsewhere."""
+    modules = {component.config.partition(":")[0]: None for component in registry.components}
+    return tuple(str(sys.modules[name].__file__) for name in modules if name.startswith(FILE_MODULE))
 
 
 def blamed(error: BaseException) -> str | None:
     """A sentence on an error that came out of such a file, or None for one that did not."""
     frames = traceback.extract_tb(error.__traceback__)
-    through = [frame for frame in frames if frame.filename in loaded_files()]
+    loaded = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)}
+    through = [frame for frame in frames if frame.filename in loaded]
     if not through:
         return None
     last = through[-1]
