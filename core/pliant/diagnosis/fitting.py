@@ -172,7 +172,8 @@ class Fitter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its points, and after the files with effects of the user's own."""
-        return _arrived, (files_of(self.predictor.bench.registry), pickle.dumps((self.predictor, self.readings, self.weights)))
+        files = files_of(self.predictor.bench.registry)
+        return _arrived, (files, pickle.dumps((self.predictor, self.readings, self.weights)))
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array]]) -> EffectFit:
         """`fit` of a candidate and its starts as one item of a `JobQueue`."""
