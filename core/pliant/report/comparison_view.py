@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,9 +117,3 @@ def grid(count: int, columns: int) -> tuple[int, int]:
     wide = min(count, columns)
     rows = -(-count // wide)
     return rows, -(-count // rows)
-
-
-def hide_rest(axes: Sequence[Any]) -> None:
-    """Switch off panels that have nothing to show."""
-    for one in axes:
-        one.set_axis_off()

@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
-from pliant.formatting import number
+from pliant.formatting import Unit, number
 
 Png = NDArray[np.uint8]
 
@@ -127,6 +127,47 @@ def colour_bar(
     bar.set_label(label)
     bar.outline.set_visible(False)
     return bar.ax
+
+
+def note(axes: Any, text: str, at: Any, shift: tuple[float, float] = (0, 0), **look: Any) -> None:
+    """Words `shift` points from a place in the data."""
+    axes.annotate(text, at, shift, **{"textcoords": "offset points", "fontsize": 8.5, **look})
+
+
+def heading(axes: Any, title: str, below: str, size: float = 7.5) -> None:
+    """A panel's title, and a line of small print between it and the panel."""
+    axes.set_title(f"{title}\n", fontsize=9.5, pad=2)
+    note(axes, below, (0, 1), (0, 3), xycoords="axes fraction", fontsize=size, color=SOFT)
+
+
+def legend_above(figure: Figure, axes: Any, side: str = "right") -> None:
+    """The legend of one or several panels in a row above all panels, each label once."""
+    found = [one.get_legend_handles_labels() for one in np.atleast_1d(axes)]
+    entries = {
+        label: handle for handles, labels in found for handle, label in zip(handles, labels, strict=True)
+    }
+    figure.legend(entries.values(), entries.keys(), loc=f"outside upper {side}", ncols=len(entries))
+
+
+def one_height(axes: Sequence[Any]) -> None:
+    """The same limits of y for all panels."""
+    limits = [one.get_ylim() for one in axes]
+    for one in axes:
+        one.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
+def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Any]:
+    """So many panels in rows of at most `columns`; places that are left stay empty."""
+    columns = min(columns, count)
+    grid = figure.subplots(-(-count // columns), columns, squeeze=False, **shared).ravel()
+    for rest in grid[count:]:
+        rest.set_axis_off()
+    return list(grid[:count])
+
+
+def with_unit(label: str, unit: Unit) -> str:
+    """An axis label: ``error (mm)``."""
+    return f"{label} ({unit.symbol})" if unit.symbol else label
 
 
 def bare(axes: Any) -> None:
