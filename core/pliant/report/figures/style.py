@@ -170,6 +170,16 @@ def with_unit(label: str, unit: Unit) -> str:
     return f"{label} ({unit.symbol})" if unit.symbol else label
 
 
+def flat(points: Any, plane: tuple[int, int]) -> Any:
+    """(2, n) coordinates in a world plane, mm, of points (n, 3) in m."""
+    return 1e3 * points[:, plane[0]], 1e3 * points[:, plane[1]]
+
+
+def world_labels(axes: Any, plane: tuple[int, int]) -> None:
+    """The labels of a view onto a world plane."""
+    axes.set(xlabel=f"world {'xyz'[plane[0]]} (mm)", ylabel=f"world {'xyz'[plane[1]]} (mm)")
+
+
 def bare(axes: Any) -> None:
     """An axis without frame, ticks and grid, with equal scales."""
     axes.set_axis_off()
