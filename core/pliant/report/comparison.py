@@ -14,7 +14,6 @@ from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.report.comparison_view import Compared
 from pliant.report.document import (
     Column,
     Document,
@@ -28,6 +27,7 @@ from pliant.report.document import (
     capital,
     page_table,
 )
+from pliant.report.evidence_view import Compared
 from pliant.units import si_unit
 
 OUTPUTS_DRAWN = 2

@@ -25,8 +25,8 @@ from pliant.report.diagnosis_tables import (
     not_excited_table,
     parameter_texts,
 )
-from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.document import Document, Drawn, Picture, Section, Warned, brief_table, capital
+from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,

@@ -11,8 +11,8 @@ from pliant.diagnosis.diagnosis import Diagnosis, circumstance
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes
-from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.document import Column, Table, as_json, page_table
+from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     estimate_text,
     parameter_word,

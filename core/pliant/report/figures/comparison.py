@@ -14,7 +14,7 @@ from pliant.evidence.places import Place, all_bins
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, number, unit_of, whole_percent
 from pliant.records.design import Array
-from pliant.report.comparison_view import (
+from pliant.report.evidence_view import (
     Compared,
     abscissa,
     clock,

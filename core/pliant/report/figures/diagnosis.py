@@ -12,8 +12,7 @@ from pliant.evidence.prediction import RunReadings
 from pliant.formatting import NamedUnit, unit_of, whole_percent
 from pliant.measurements.repeats import RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
-from pliant.report.comparison_view import Compared, abscissa, clock, fitting, input_of, thin
-from pliant.report.diagnosis_view import Diagnosed
+from pliant.report.evidence_view import Compared, Diagnosed, abscissa, clock, fitting, input_of, thin
 from pliant.report.figures import style
 from pliant.report.fitted import probability_text
 
