@@ -45,7 +45,8 @@ def sweep_document(run: SweepRun, title: str, table: Path) -> Document:
         "designs": [as_json(DESIGNS, outcome) for outcome in run.outcomes],
     }
     cut = [f"… and {more} more designs"] if more > 0 else []
-    brief = (_designs_table(run), *cut, *_grouped(run), _total(run))
+    lines = [*cut, *_grouped(run), _total(run)]
+    brief: tuple[Table | str, ...] = (_designs_table(run), *lines)
     return Document(kind="Pliant FEM sweep", title=title, sentence="", data=data, brief=brief)
 
 

@@ -152,8 +152,8 @@ def _draw_poses(
     line(rest, color=style.FAINT, lw=3, marker="o", ms=3, label="at rest")
     if target is not None:
         line(target, color=style.SERIES[1], lw=2, ls="--", label="target")
-    steps = [] if result.rollout is None else result.rollout.markers_m
-    if len(steps) > 2:
+    steps = None if result.rollout is None else result.rollout.markers_m
+    if steps is not None and len(steps) > 2:
         for number in np.unique(np.linspace(0, len(steps) - 1, LEVELS + 2).astype(int))[1:-1].tolist():
             line(steps[number], color=style.SERIES[0], alpha=0.3, lw=1.1)
     settled = result.final.markers_m

@@ -43,8 +43,8 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
         axes = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": ratios})
         shown = [run.name in names for run in compared.measurement.runs]
         errors = [r[output] for r, show in zip(compared.residuals, shown, strict=True) if show]
-        errors = np.abs(_finite(np.concatenate(errors)))
-        high = float(np.quantile(errors, 0.998)) if len(errors) else 1.0
+        sizes = np.abs(_finite(np.concatenate(errors)))
+        high = float(np.quantile(sizes, 0.998)) if len(sizes) else 1.0
         reach = 1.12 * max(high, 2.4 * floor if np.isfinite(floor) else 0.0, 1e-12) * words.factor
         values = [v for name in names for v in (one[output] for one in _readings(compared, name))]
         flat = _finite(np.concatenate(values) * words.factor)

@@ -54,7 +54,7 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
     ends = (0.5, len(places) + 0.5)
     axes.fill_between(ends, level - 2 * error, level + 2 * error, color=style.FAINT, alpha=0.6, lw=0)
     axes.plot(ends, [level, level], color=style.SOFT, ls="--", lw=1.2)
-    look = {"ha": "right", "va": "top", "color": style.SOFT}
+    look: dict[str, Any] = {"ha": "right", "va": "top", "color": style.SOFT}
     style.note(axes, f"noise floor {words.text(floor.value, 2)}", (ends[1], level), (-4, -5), **look)
     axes.plot(places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training runs, left out in turn")
     label = "runs put aside at the start" if found.locked.runs else found.scored_on

@@ -31,8 +31,8 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
         if one.result.stills:
             still = one.result.stills[-1]
             points[:] = [outline(s) for group in (*still.arms, *still.objects) for s in group]
-    points = np.concatenate([np.asarray(s) for of_one in sets for s in of_one if s is not None])
-    size, low, high = np.ptp(points, axis=0), points.min(axis=0), points.max(axis=0)
+    inside = np.concatenate([np.asarray(s) for of_one in sets for s in of_one if s is not None])
+    size, low, high = np.ptp(inside, axis=0), inside.min(axis=0), inside.max(axis=0)
     planes = [p for p in (SIDE, (1, 2)) if size[p[0]] > FLAT * size.max()] or [SIDE]
     planes = [SIDE, TOP] if all(d.result.stills for d in shown) else planes
     pad = 0.06 * float(size.max())

@@ -63,7 +63,7 @@ RC: dict[str, Any] = {
 @contextmanager
 def canvas(
     width_px: float, height_px: float, pad: tuple[float, float] | None = (0.09, 0.09), wspace: float = 0.02
-) -> Iterator[Figure]:
+) -> Iterator[Any]:
     """A figure of this size in the house style; the style holds inside the block only.
 
     Panels keep `pad` apart (inches) and `wspace` (a share of their width); places are given by hand without a pad.
