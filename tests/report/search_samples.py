@@ -45,9 +45,9 @@ def wide_variables(count: int = 16) -> tuple[VariableRecord, ...]:
     )  # fmt: skip
 
 
-def drawn_values(variables: Sequence[VariableRecord], n: int, seed: int = 0) -> dict[str, np.ndarray]:
+def drawn_values(variables: Sequence[VariableRecord], n: int) -> dict[str, np.ndarray]:
     """Values that close in on the upper third of every range, as a search does."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     narrow = np.linspace(1.0, 0.12, n)
     values = {}
     for k, v in enumerate(variables):
@@ -79,10 +79,9 @@ def history_of(
     context: np.ndarray | None = None,
     further: bool = False,
     failing: bool = True,
-    seed: int = 0,
 ) -> SearchHistory:
     """Every ninth candidate is refused, every 13th fails."""
-    values = drawn_values(variables, n, seed)
+    values = drawn_values(variables, n)
     rmse = rmse_of(variables, values)
     if branch is not None:
         rmse = rmse + 4e-4 * (branch * 7 % 81)
@@ -106,8 +105,6 @@ def design_at(
     history: SearchHistory,
     row: int,
     objectives: Mapping[str, float] | None = None,
-    condition: str = "",
-    **extra: Any,
 ) -> FoundDesign:
     values = {}
     for v in variables:
@@ -119,8 +116,8 @@ def design_at(
     metrics = {name: float(column[row]) for name, column in history.metrics.items()}
     settings = {key: values[v.name] for v in variables if v.name in values for key in v.keys}
     return FoundDesign(
-        values, settings, objectives or {"rmse": metrics["rmse_m"]}, metrics, {condition: metrics},
-        int(history.branch[row]), int(history.context[row]), row, **extra,
+        values, settings, objectives or {"rmse": metrics["rmse_m"]}, metrics, {"": metrics},
+        int(history.branch[row]), int(history.context[row]), row,
     )  # fmt: skip
 
 

@@ -177,7 +177,10 @@ class Diagnosed:
         Without an explanation: in which the error is largest for its number of readings.
         """
         gain = self._gains()
-        ranked = sorted(self.before.comparison.conditions, key=lambda c: -self._of(c, gain))
+        mean = {
+            c.name: float(np.mean([gain[name] for name in c.runs])) for c in self.before.comparison.conditions
+        }
+        ranked = sorted(self.before.comparison.conditions, key=lambda c: -mean[c.name])
         return [max(c.runs, key=lambda name: gain[name]) for c in ranked[:count]]
 
     def outputs_by_gain(self) -> list[str]:
@@ -199,10 +202,6 @@ class Diagnosed:
             run.name: float(s / max(n, 1))
             for run, s, n in zip(self.measurement.runs, sums, count, strict=True)
         }
-
-    @staticmethod
-    def _of(condition: GroupError, gain: dict[str, float]) -> float:
-        return float(np.mean([gain[name] for name in condition.runs]))
 
     def _compared(self, kinds: Kinds) -> Compared:
         predicted = self.predicted(kinds)

@@ -39,9 +39,9 @@ class Film(ABC):
     def _finish(self) -> None:
         """Complete the temporary file."""
 
-    @abstractmethod
     def _drop(self) -> None:
-        """Stop what is still writing."""
+        """Stop what is still writing; nothing does where the file is written at the end."""
+        return
 
     def __enter__(self) -> Film:
         return self
@@ -52,7 +52,8 @@ class Film(ABC):
         try:
             if kind is None:
                 self._finish()
-                self._partial.chmod(0o666 & ~_umask())
+                os.umask(mask := os.umask(0))
+                self._partial.chmod(0o666 & ~mask)
                 self._partial.replace(self.path)
             else:
                 self._drop()
@@ -88,9 +89,6 @@ class _Png(Film):
         if self._last is not None:
             Image.fromarray(self._last).save(self._partial, "PNG")
 
-    def _drop(self) -> None:
-        self._last = None
-
 
 class _Gif(Film):
     """One palette of 256 colours per picture."""
@@ -116,9 +114,6 @@ class _Gif(Film):
             loop=0,
             disposal=1,
         )
-
-    def _drop(self) -> None:
-        self._pictures.clear()
 
 
 class _Mp4(Film):
@@ -185,9 +180,3 @@ def _ffmpeg() -> str:
         raise MissingDependencyError(
             "MP4 needs ffmpeg: pip install 'pliant[video]', or install ffmpeg; .gif needs nothing."
         ) from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

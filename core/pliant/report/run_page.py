@@ -230,12 +230,9 @@ def time_tables(run: FinishedRun) -> list[Table]:
         tables.append(Table("Stages", ["stage", "wall time"], rows, note))
     engines = ran(run)
     if engines:
-        base = engines[0].result.final.wall_s
-        rows = [
-            [e.kind, seconds(wall_s), f"{number(wall_s / base, 3)} ×" if base > 0 else "–"]
-            for e in engines
-            for wall_s in (e.result.final.wall_s,)
-        ]
+        times = [e.result.final.wall_s for e in engines]
+        ratios = [f"{number(time / times[0], 3)} ×" if times[0] > 0 else "–" for time in times]
+        rows = [[e.kind, seconds(time), ratio] for e, time, ratio in zip(engines, times, ratios, strict=True)]
         head = ["engine", "wall time", f"ratio to {engines[0].kind}"]
         tables.append(Table("Settling the chain, all levels of the history", head, rows))
     return tables
