@@ -33,7 +33,6 @@ REPEATS = 3
 
 
 def main() -> None:
-    """Settle every chain in every engine that is installed."""
     pressed = Inputs({"pressure_pa": PRESSURE_PA})
     cases = {
         "finger, own weight": (finger(0.0), pressed),
@@ -90,7 +89,6 @@ def compare(chain: ChainModel, inputs: Inputs) -> dict[str, Any]:
 def finger(payload_kg: float) -> ChainModel:
     """The chain; a module's mass is a 20 × 22 mm block, shared by its two halves."""
     law = component("surrogate", "polynomial", form="study", coefficients=LAW, odd=True).stated()
-    assert law is not None
 
     def piece(modules: float, centre_m: float) -> MassProperties:
         sides = np.array([modules * LENGTH_M, 0.020, 0.022])

@@ -109,8 +109,7 @@ def component(interface: str, kind: str, **settings: Any) -> Any:
 
 def engine(kind: str, **settings: Any) -> PhysicsBackend:
     """An engine: quasistatic, mujoco, pybullet."""
-    backend: PhysicsBackend = component("physics", kind, **settings)
-    return backend
+    return component("physics", kind, **settings)
 
 
 def known(kind: str) -> bool:

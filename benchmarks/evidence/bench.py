@@ -18,6 +18,7 @@ from benchmarks.evidence import diagnosers, seal
 from benchmarks.evidence.judge import Judged, judge
 from benchmarks.evidence.tasks import PLANS, Plan, Task, digest
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
+from benchmarks.output import ROOT
 
 from pliant.execution.executors import ProcessExecutor, executor_for
 from pliant.execution.jobs import JobQueue
@@ -91,9 +92,7 @@ def append(path: Path, line: dict[str, Any]) -> None:
 def read(path: Path) -> dict[str, dict[str, Any]]:
     """Lines by their `id`, the last one of each; what is no line of results is passed over."""
     lines: dict[str, dict[str, Any]] = {}
-    if not path.exists():
-        return lines
-    for text in path.read_text(errors="replace").splitlines():
+    for text in path.read_text(errors="replace").splitlines() if path.exists() else ():
         try:
             line = json.loads(text)
         except json.JSONDecodeError:
@@ -101,12 +100,6 @@ def read(path: Path) -> dict[str, dict[str, Any]]:
         if isinstance(line, dict) and "id" in line:
             lines[line["id"]] = line
     return lines
-
-
-def diagnoser_digest() -> str:
-    """Digest of the code under test."""
-    root = Path(__file__).resolve().parents[2]
-    return digest(sorted(file for room in ("core", "plugins") for file in (root / room).rglob("*.py")))
 
 
 @dataclass
@@ -135,7 +128,8 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
         scheduler: of a dask cluster that asks, its address or file: its workers see the folder under the same path. By
             default processes of this machine ask.
     """
-    key, code = bench.key(), diagnoser_digest()
+    tested = (ROOT / room for room in ("core", "plugins"))
+    key, code = bench.key(), digest(sorted(file for room in tested for file in room.rglob("*.py")))
     found = read(bench.results)
     others = sum(line.get("code") != code for line in found.values())
     if others:
@@ -168,25 +162,17 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
                     job.runs = add_runs(job.task, job.name, bench.sets, chosen)
                     put(job)
                     continue
-                append(bench.results, {**_with_plan(line, job), "code": code})
+                if job.before:  # the runs that led to the last answer, and the answer before them
+                    spent = {key: sum(one[key] for one in (line, *job.before)) for key in ("wall_s", "cpu_s")}
+                    line |= {**spent, "added": job.runs, "first": job.before[0]}
+                append(bench.results, {**line, "code": code})
                 bar.advance()
     bar.finish()
-
-
-def _with_plan(line: dict[str, Any], job: Job) -> dict[str, Any]:
-    """The last answer, with the runs that led to it and the answer before them."""
-    if not job.before:
-        return line
-    spent = {key: line[key] + sum(other[key] for other in job.before) for key in ("wall_s", "cpu_s")}
-    return {**line, **spent, "added": job.runs, "first": job.before[0]}
 
 
 def judged(bench: Bench, plan: Plan) -> list[Judged]:
     """The plan's results beside their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
-    named = ((task.secret_id(key), task) for task in plan.tasks())
-    return [
-        judge(task.group, bench.label(name, key), lines[name], task.mode)
-        for name, task in named
-        if name in lines
-    ]
+    named = ((task, task.secret_id(key)) for task in plan.tasks())
+    there = [(task, name) for task, name in named if name in lines]
+    return [judge(task.group, bench.label(name, key), lines[name], task.mode) for task, name in there]

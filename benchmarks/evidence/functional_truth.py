@@ -11,10 +11,11 @@ Where a truth has inertia, u̇ and ü follow Newmark's rule (average acceleratio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
+from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, with_wrap, wraps
 from benchmarks.evidence.protocols import Protocol, Run
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, gravity_on, skeleton
@@ -71,6 +72,13 @@ def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
     """The run's inputs; `clock_s` when it begins."""
     gravity = gravity_on(run.base_angles_rad, body)
     return Inputs(run.time_s, run.pressure_pa, run.moment_n_m, run.valve, gravity, run.temperature_c, clock_s)
+
+
+@njit
+def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
+    """A share of the run's first inputs: of the ramp on which a run starts from straight."""
+    pressure, load = share * inputs.pressure[0], share * inputs.load[0]
+    return Drive(pressure, 0.0, inputs.temperature, load, 0.0, inputs.clock, cycles, 0.0)
 
 
 @njit
@@ -168,16 +176,7 @@ def _solve(
     for iteration in range(ITERATIONS):
         weights(u, bones, gravity, moments, slopes)
         for j in range(n):
-            at = Drive(
-                drive.pressure_pa,
-                drive.pressure_rate,
-                drive.temperature_c,
-                drive.moment_n_m,
-                drive.time_s,
-                drive.clock_s,
-                drive.cycles,
-                wrap[j],
-            )
+            at = with_wrap(drive, wrap[j])
             y = u[j]
             value = own(j, y, y - before[j], dt, at, memory[j], new[j], bones, f)
             residual[j] = value - drive.moment_n_m * bones.load_share[j] + weight * moments[j]
@@ -205,16 +204,7 @@ def _solve(
         if largest < TOLERANCE_RAD:
             break
     for j in range(n):
-        at = Drive(
-            drive.pressure_pa,
-            drive.pressure_rate,
-            drive.temperature_c,
-            drive.moment_n_m,
-            drive.time_s,
-            drive.clock_s,
-            drive.cycles,
-            wrap[j],
-        )
+        at = with_wrap(drive, wrap[j])
         own(j, u[j], u[j] - before[j], dt, at, memory[j], new[j], bones, f)
         swing = 4.0 / dt * ((u[j] - before[j]) / dt - rates[0, j]) - rates[1, j]
         rates[0, j], rates[1, j] = 2.0 * (u[j] - before[j]) / dt - rates[0, j], swing
@@ -233,16 +223,7 @@ def _follow(
     well = True
     for k in range(RAMP_STEPS):
         share = (k + 1) / RAMP_STEPS
-        drive = Drive(
-            share * inputs.pressure[0],
-            0.0,
-            inputs.temperature,
-            share * inputs.load[0],
-            0.0,
-            inputs.clock,
-            cycles,
-            0.0,
-        )
+        drive = ramped(inputs, share, cycles)
         rates[:] = 0.0
         step = RAMP_S / RAMP_STEPS
         well &= _solve(u, before, rates, step, drive, share, inputs.gravity, bones, memory, new, f)
@@ -274,24 +255,38 @@ def _follow(
     return angles, cycles, well
 
 
-def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
+def followed(
+    protocol: Protocol, truth: Any, hinges: int, run_of: Callable[..., tuple[Array, float, bool]]
+) -> list[Array]:
     """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
 
+    Args:
+        run_of: of a run's inputs, the specimen's memory (advanced in place) and its cycles: the angles, the cycles
+            done after it, and whether all went well.
+
     Raises:
-        RuntimeError: a state did not converge.
+        RuntimeError: a run did not go well.
     """
-    swings = truth.body.crossbar_kg_m2 > 0.0
-    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
-    longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
     memories: dict[str, tuple[Array, float]] = {}
     angles, clock = [], 0.0
     for run in protocol:
-        memory, cycles = memories.get(run.specimen, (virgin(len(bones.masses)), 0.0))
-        inputs = inputs_of(run, truth.body, clock)
-        followed, cycles, well = _follow(inputs, bones, memory, cycles, longest, truth.forms)
-        if not well:
-            raise RuntimeError(f"functional truth: run '{run.condition}' did not converge")
+        memory, cycles = memories.get(run.specimen, (virgin(hinges), 0.0))
+        found, cycles, well = run_of(inputs_of(run, truth.body, clock), memory, cycles)
+        if not well or not np.isfinite(found).all():
+            raise RuntimeError(f"run '{run.condition}' of the truth did not converge")
         memories[run.specimen] = (memory, cycles)
-        angles.append(followed)
+        angles.append(found)
         clock += run.seconds
     return angles
+
+
+def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
+    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where a state did not converge."""
+    swings = truth.body.crossbar_kg_m2 > 0.0
+    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
+    longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
+
+    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+        return _follow(inputs, bones, memory, cycles, longest, truth.forms)
+
+    return followed(protocol, truth, len(bones.masses), run_of)

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, healed, virgin, wraps
-from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, inputs_of, own
+from benchmarks.evidence.forms import Drive, Forms, arriving, healed, with_wrap, wraps
+from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, followed, own, ramped
 from benchmarks.evidence.protocols import Protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, skeleton
@@ -83,7 +83,7 @@ def _advance(
     wrap = wraps(position, bones.module, f)
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]
-        at = _with_wrap(drive, wrap[j])
+        at = with_wrap(drive, wrap[j])
         value = own(j, u, 0.0, STEP_S, at, old, fresh, bones, f)
         nearby = own(j, u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, at, old, fresh, bones, f)
         slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
@@ -92,16 +92,9 @@ def _advance(
         force[j] = value - drive.moment_n_m * bones.load_share[j] + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
-        at = _with_wrap(drive, wrap[j])
+        at = with_wrap(drive, wrap[j])
         own(j, position[j], position[j] - before[j], STEP_S, at, memory[j], new[j], bones, f)
         memory[j, :] = new[j]
-
-
-@njit
-def _with_wrap(d: Drive, wrap: float) -> Drive:
-    return Drive(
-        d.pressure_pa, d.pressure_rate, d.temperature_c, d.moment_n_m, d.time_s, d.clock_s, d.cycles, wrap
-    )
 
 
 @njit
@@ -125,9 +118,7 @@ def _follow(
         share = min(1.0, (k + 1) / ramp)
         # The bench turns, the world stays: gravity is what is turned.
         gravity[:] = share * inputs.gravity
-        drive = Drive(
-            share * inputs.pressure[0], 0.0, warm, share * inputs.load[0], 0.0, inputs.clock, cycles, 0.0
-        )
+        drive = ramped(inputs, share, cycles)
         _advance(handles, views, drive, bones, before, memory, new, f)
     healed(memory)
     supply = np.full(2, inputs.pressure[0])
@@ -153,29 +144,16 @@ def _follow(
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
-
-    Raises:
-        RuntimeError: MuJoCo's motion is not finite.
-    """
+    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where MuJoCo's motion is not finite."""
     found = skeleton(robot, truth.body)
     bones = bones_of(found, truth.body, swings=False)
     model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
     data = mujoco.MjData(model)
     handles = (model._address, data._address)
     views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness)
-    memories: dict[str, tuple[Array, float]] = {}
-    angles, clock = [], 0.0
-    for run in protocol:
+
+    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         mujoco.mj_resetData(model, data)
-        memory, cycles = memories.get(run.specimen, (virgin(len(found.masses_kg)), 0.0))
-        inputs = inputs_of(run, truth.body, clock)
-        followed, cycles = _follow(
-            handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms
-        )
-        if not np.isfinite(followed).all():
-            raise RuntimeError(f"MuJoCo truth: run '{run.condition}' diverged")
-        memories[run.specimen] = (memory, cycles)
-        angles.append(followed)
-        clock += run.seconds
-    return angles
+        return *_follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms), True
+
+    return followed(protocol, truth, len(found.masses_kg), run_of)

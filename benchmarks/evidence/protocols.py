@@ -86,7 +86,7 @@ def steps(levels: tuple[float, ...], hold_s: float, rise_s: float = 1.2, sample_
 
 
 def _free(condition: str, specimen: str, pressure: Array, **conditions: float | Angles | bool) -> Run:
-    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)  # type: ignore[arg-type]
+    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)
 
 
 def _loaded(condition: str, specimen: str, pressure: Array, share: float) -> Run:

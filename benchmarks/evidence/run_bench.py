@@ -29,14 +29,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.evidence import diagnosers
 from benchmarks.evidence.bench import Bench, judged, run
-from benchmarks.evidence.counting import summary
-from benchmarks.evidence.judge import ERROR
+from benchmarks.evidence.judge import ERROR, summary
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import as_text, expected_time, publish
 from benchmarks.evidence.tasks import Plan, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
-from benchmarks.evidence.workers import write
 from benchmarks.output import parser_of
+
+from pliant.store.store import write_atomically
 
 OUT = Path(__file__).resolve().parents[1] / "out"
 
@@ -53,15 +53,6 @@ COUNTS = {
     "improve": "sets per effect that are improved",
     "other_every": "every this many-th set is made of the kind's other robot; 0: none",
 }
-
-
-def _plan(given: argparse.Namespace) -> Plan:
-    plan = small_plan() if given.small else Plan()
-    names = (*COUNTS, "protocol", "split", "share")
-    changes = {name: getattr(given, name) for name in names if getattr(given, name) is not None}
-    if given.kinds:
-        changes["kinds"] = tuple(given.kinds)
-    return replace(plan, **changes)
 
 
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -108,9 +99,11 @@ def _shard(text: str) -> tuple[int, int]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is left, judge, print the tables, write evidence.json."""
     given = _arguments(arguments)
-    plan = _plan(given)
+    chosen = {name: getattr(given, name) for name in (*COUNTS, "protocol", "split", "share")}
+    chosen["kinds"] = tuple(given.kinds) if given.kinds else None
+    changes = {name: value for name, value in chosen.items() if value is not None}
+    plan = replace(small_plan() if given.small else Plan(), **changes)
     name = given.name or ("small" if given.small else "full")
     bench = Bench((given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard)
     if given.plan_only:
@@ -124,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     data = {**summary(items), "planned": planned(plan)}
     print(as_text(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
-    write(target, json.dumps(data, indent=1))
+    write_atomically(target, json.dumps(data, indent=1))
     if given.publish:
         publish(data)
     if any(item.outcome == ERROR for item in items):

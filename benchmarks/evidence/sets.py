@@ -7,26 +7,28 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, noise
+from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
 from benchmarks.evidence.protocols import Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
-from benchmarks.evidence.strengths import draw
 from benchmarks.evidence.truths import (
     CLEAN,
     Engine,
     HiddenTruth,
     Split,
     Truth,
+    draw,
     hidden_kinds,
     right_verdicts,
 )
+
+from pliant.experiments.planned_run import PlannedRun
 
 ENGINES: dict[str, Any] = {
     "functional": functional_truth,
@@ -37,6 +39,38 @@ SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
 SCALING_TOLERANCE, SCALING_ROUNDS = 0.02, 12
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """σ² is split into a first-order autoregressive share and a white one; offsets per run come on top.
+
+    Attributes:
+        coloured_share: share of the variance within a run that is coloured.
+        correlation_s: its autocorrelation falls to 1/e after this time.
+        run_offset: standard deviation of a run's offset, in σ.
+    """
+
+    coloured_share: float = 0.5
+    correlation_s: float = 4.0
+    run_offset: float = 0.25
+
+
+# Thresholds are calibrated under another spectrum than they are judged under.
+SPECTRA = {"judged": Spectrum(), "calibration": Spectrum(0.65, 2.5, 0.2)}
+
+
+def noise_of(spectrum: Spectrum, clock: Array, rng: np.random.Generator) -> Array:
+    """(t,) noise of unit σ for a run sampled at these times: coloured and white, with an offset."""
+    keep = np.exp(-np.diff(clock) / spectrum.correlation_s).tolist()
+    pushes = rng.standard_normal(len(clock)).tolist()
+    coloured = [pushes[0]]  # the first value has the stationary spread
+    for kept, push in zip(keep, pushes[1:], strict=True):
+        coloured.append(kept * coloured[-1] + math.sqrt(1.0 - kept * kept) * push)
+    within = np.sqrt(spectrum.coloured_share) * np.array(coloured)
+    within += np.sqrt(1 - spectrum.coloured_share) * rng.standard_normal(len(clock))
+    return within + spectrum.run_offset * rng.standard_normal()
+
 
 Outputs = list[dict[str, Array]]
 # Noiseless outputs at a strength for each part.
@@ -107,7 +141,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     if len(scaled) > 1:
         hidden = outputs_of(truth, spec.engine)(*(part.strength for part in scaled))
     snr = signal(clean, hidden, sigma)
-    measured = _with_noise(hidden, sigma, runs, noise.SPECTRA[spec.split], rng)
+    measured = _with_noise(hidden, sigma, runs, spec.split, rng)
     csv = to_csv(runs, measured, robot)
     label = {
         **asdict(spec),
@@ -217,14 +251,9 @@ def _scaled(
     return Scaled(strength, hidden, reached)
 
 
-def _with_noise(
-    outputs: Outputs,
-    sigma: dict[str, float],
-    runs: Protocol,
-    spectrum: noise.Spectrum,
-    rng: np.random.Generator,
-) -> Outputs:
-    drawn = {key: noise.draw(spectrum, [run.time_s for run in runs], rng) for key in sigma}
+def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:
+    """The readings with noise of each output in turn, run by run."""
+    drawn = {key: [noise_of(SPECTRA[split], run.time_s, rng) for run in runs] for key in sigma}
     return [
         {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
         for i, run in enumerate(outputs)
@@ -258,6 +287,37 @@ def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     return "\n".join(lines) + "\n"
 
 
-def minutes(name: str) -> float:
-    """Bench time of a protocol's motion, without rests."""
-    return math.fsum(run.seconds for run in protocol(name)) / 60
+def bench_run(run: PlannedRun, robot: Robot, number: int = 1) -> Run:
+    """A run of the catalogue as the bench does it: same inputs, loads and conditions; `number` names a new specimen."""
+    history = run.history
+    roll, pitch, yaw = (float(angle) for angle in history.base_angles_rad[0])
+    return Run(
+        run.name,
+        f"new {number}" if run.new_specimen else history.specimen,
+        history.actuation[robot.drive] * (PRESSURE_MAX_PA / robot.drive_max),
+        history.moment_n_m,
+        temperature_c=float(history.temperature_c[0]),
+        base_angles_rad=(roll, pitch, yaw),
+        valve_open=history.valve_open,
+        second=bool(run.adds),
+        time_s=history.time_s,
+    )
+
+
+def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed: int = 0) -> str:
+    """The CSV of these runs alone, recorded after those of the set: `pliant diagnose --data set.csv --data added.csv`.
+
+    The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same
+    seed.
+    """
+    robot, before = ROBOTS[spec.robot], protocol(spec.protocol, ROBOTS[spec.robot])
+    truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
+    added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
+    every = (*before, *added)
+    rng = np.random.default_rng([seed, *spec.generator().integers(0, 2**31, 4)])
+    slips = rng.standard_normal(len(every))
+    read = follow(spec.engine, robot, every, truth.at(*made.label["strengths"]), slips)[len(before) :]
+    sizes = noise_sizes(read) | made.sigma
+    sigma = {name: sizes[name] for run in read for name in run}
+    noisy = _with_noise(read, sigma, tuple(added), spec.split, rng)
+    return to_csv(tuple(added), noisy, robot)

@@ -90,8 +90,7 @@ def improved(out: Path, store: Path) -> dict[str, Any]:
         str(result),
     ]
     subprocess.run([sys.executable, "-m", "pliant", "improve", *words], check=True)
-    found: dict[str, Any] = json.loads(result.read_text())
-    return found
+    return json.loads(result.read_text())
 
 
 def errors(study: Path, modules: int, name: str, store: Path, effects: Sequence[EffectConfig] = ()) -> Errors:

@@ -52,7 +52,6 @@ class Published:
     @staticmethod
     def read() -> Published:
         table = reference_table(TABLE.name)
-        assert table is not None
         names = ("pressure_pa", "edge_force_n", "half_angle_rad", "moment_n_m")
         return Published(*(table[name] for name in names))
 

@@ -210,7 +210,6 @@ class Killing:
 
 
 def main() -> int:
-    """Kill, count, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--kills", type=int, default=50, help="of each solver")
     parser.add_argument("--only", choices=["springs", "skfem"])

@@ -41,7 +41,6 @@ HELICAL = {"kind": "bellow_helical", **HELIX_MODULE}
 
 
 def main() -> None:
-    """Measure, print, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--helical", action="store_true", help="also three axes of a helical bellow")
     parser.add_argument("--design", choices=("reference", "wide"), help="only this bending bellow")
@@ -107,7 +106,7 @@ def compared(runs: dict[str, tuple[ModuleData, dict[str, float]]], kernel: float
             "processor_in_kernels": times["processor_s"] / kernel,
             "with_slopes": scored(fitted),
             "without_slopes": scored(without_slopes(fitted)),
-            "sampling": {k: v for k, v in data.sampling["axes"][data.main_axis].items() if k != "tests"},  # type: ignore[index]
+            "sampling": {k: v for k, v in data.sampling["axes"][data.main_axis].items() if k != "tests"},
         }
     return figures
 
@@ -147,7 +146,7 @@ def three_axes(data: ModuleData, times: dict[str, float], kernel: float) -> dict
         },
         "axes": {
             axis: {k: v for k, v in one.items() if k != "tests"}
-            for axis, one in data.sampling["axes"].items()  # type: ignore[attr-defined]
+            for axis, one in data.sampling["axes"].items()
         },
         "coupling": data.sampling["coupling"],
     }

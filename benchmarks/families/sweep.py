@@ -141,7 +141,6 @@ def _say(result: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    """Measure, print, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--only", choices=list(GRIDS))
     parser.add_argument("--designs", type=int, help="so many designs of the grid, evenly chosen")

@@ -48,7 +48,6 @@ class Cell:
 
 
 def main() -> None:
-    """The choice on the egg, its sensitivities, then the whole table."""
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
@@ -101,8 +100,7 @@ class Runs:
         """Share of successes and mean z_max of one cell."""
         if key_of(setup, cell, trials) not in self.found:
             self.prepare([(setup, cell, trials)])
-        found: dict[str, float] = self.found[key_of(setup, cell, trials)]
-        return found
+        return self.found[key_of(setup, cell, trials)]
 
     def error(self, setup: Mapping[str, float], cells: Sequence[Cell], trials: int) -> float:
         """Σ |ours − measured| over the cells, scaled to 30 trials."""

@@ -30,7 +30,6 @@ LOST_MM = 120.0
 
 
 def main() -> None:
-    """Both tables."""
     law = helix_law()
     chain = helix(law)
     rest = settle(engine("quasistatic"), chain, inputs(LOAD_KG))[0].markers_m

@@ -37,7 +37,6 @@ Efforts = Callable[[Array], Array]
 
 
 def main() -> None:
-    """Every engine with the right law and with the published one."""
     law = helix_law()
     laws: dict[str, JointLaw] = {"energy-consistent": law, "as published": UnmappedLaw(law, "child")}
     results: dict[str, dict[str, float]] = {}

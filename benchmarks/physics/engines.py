@@ -104,7 +104,6 @@ def cases(law: AxesLaw, networks: published.NetworkLaw, chain: ChainModel) -> di
 
 
 def main() -> None:
-    """Warm up, run the rounds, print the tables."""
     law = helix_law()
     networks, chain = published.network_law(law), helix(law)
     errors = published.fit_errors(law, networks)

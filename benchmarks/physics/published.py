@@ -92,8 +92,7 @@ def rotation_vectors(quaternions: Array) -> Array:
     q = np.where(quaternions[:, 3:] < 0, -quaternions, quaternions)
     sine = np.sqrt((q[:, :3] ** 2).sum(axis=1))
     angle = 2 * np.arctan2(sine, q[:, 3])
-    vectors: Array = q[:, :3] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 2.0)[:, None]
-    return vectors
+    return q[:, :3] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 2.0)[:, None]
 
 
 def bullet_body(bullet: Client, chain: ChainModel) -> int:
@@ -230,4 +229,4 @@ def _fitted(law: AxesLaw, axis: int, random: np.random.Generator) -> Network:
     right = np.concatenate([target / scale, np.zeros(WIDTH + 1)])
     w3 = scale * np.linalg.lstsq(np.vstack([columns, ridge]), right, rcond=None)[0]
     layers = [w1, b1, w2, b2, w3[:-1, None], w3[-1:]]
-    return Network(tuple(np.asarray(layer, np.float32) for layer in layers))  # type: ignore[arg-type]
+    return Network(tuple(np.asarray(layer, np.float32) for layer in layers))

@@ -63,7 +63,6 @@ RANGES: tuple[dict[str, Any], ...] = (
 
 
 def main() -> None:
-    """Both comparisons, then the scan."""
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return

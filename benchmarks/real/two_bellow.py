@@ -47,7 +47,6 @@ SILENT = """\
 
 
 def main() -> None:
-    """Both directions."""
     if not FILE.is_file():
         print(f"skipped: {FILE} is not here")
         return
@@ -114,8 +113,7 @@ class Scores:
 
     def of_law(self, law: StaticLaw) -> Array:
         """(t,) angles of a law, rad."""
-        error: Array = self.bench.measured(self.unseen) - law.predict(*self.bench.pressures(self.unseen))
-        return error
+        return self.bench.measured(self.unseen) - law.predict(*self.bench.pressures(self.unseen))
 
     def of_study(self, study: Study) -> Array:
         """(t,) angles of a study's model, rad."""
@@ -139,7 +137,6 @@ class Scores:
 def baselines(bench: Bench, training: str) -> list[StaticLaw]:
     """Static laws of the training run."""
     time_s = bench.history(training).time_s
-    assert time_s is not None
     return static_laws(*bench.pressures(training), bench.measured(training), time_s)
 
 

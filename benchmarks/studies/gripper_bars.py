@@ -48,7 +48,6 @@ def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
             except PliantError as error:
                 notes.append(f"{kind}, {condition.name}: {error}")
                 continue
-            assert run.result is not None
             trials = {"trials": float(getattr(case.task, "trials", 1))}
             engines.setdefault(run.kind, {})[condition.name] = numbers(measured(run.result)) | trials
     return {

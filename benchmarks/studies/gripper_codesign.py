@@ -74,7 +74,6 @@ LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    """Run what is left, print the bars, publish where that is asked for."""
     parser = arguments(parser_of(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
@@ -122,7 +121,6 @@ def few(study: Study) -> Study:
 def candidates(opened: api.OpenStudy, grasps: int) -> int:
     """The budget that makes so many grasps: an optimizer with contexts tries a candidate in one task only."""
     config, optimizer = opened.study.need("search", "a study"), opened.study.optimizer
-    assert optimizer is not None
     one_each = (
         opened.bench.registry.get("optimizer", optimizer.kind).implementation_class().capabilities.contexts
     )

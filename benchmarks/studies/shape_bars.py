@@ -35,7 +35,7 @@ def bars(runs: Runs) -> list[Bar]:
     for name, roll in JUDGED.items():
         run = runs.get(name)
         for metric, words in METRICS.items():
-            limit = SHAPE_BARS[roll][metric]  # type: ignore[index]
+            limit = SHAPE_BARS[roll][metric]
             published = millimetres(SHAPE["verified"][metric]) if roll == "fixed" else ""
             found.append(
                 Bar(
@@ -51,7 +51,7 @@ def bars(runs: Runs) -> list[Bar]:
             Bar(
                 f"{name}: RMSE, verified against predicted",
                 apart(run),
-                float(SHAPE_BARS["apart_m"]),  # type: ignore[arg-type]
+                float(SHAPE_BARS["apart_m"]),
                 "mm",
                 scale=1e3,
                 published=millimetres(SHAPE["verified"]["rmse_m"] - SHAPE["rmse_m"]),
@@ -60,7 +60,7 @@ def bars(runs: Runs) -> list[Bar]:
     for name, key in TIMED.items():
         wall_s = runs[name]["wall_s"] if name in runs else None
         estimate = f"about {clock(SHAPE['our_estimates'][key])} (our estimate)"
-        limit_s = float(SHAPE_BARS[key])  # type: ignore[arg-type]
+        limit_s = float(SHAPE_BARS[key])
         found.append(
             Bar(f"{name}: search, wall time", wall_s, limit_s, "min", scale=1 / 60, published=estimate)
         )

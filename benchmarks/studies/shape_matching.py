@@ -93,7 +93,6 @@ LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    """Run what is left, print the bars, publish where that is asked for."""
     parser = arguments(parser_of(__doc__), [one.name for one in ASKED])  # fmt: skip
     sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
 
@@ -155,8 +154,6 @@ def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
         (winner,), _ = direct_studies(bench, [winner])
     run = simulate_study(bench, winner)
     found = run.engines[0].result
-    assert found is not None
-    assert run.chain is not None
     origin, frame = np.asarray(run.chain.base_position_m, float), np.asarray(run.chain.base_rotation, float)
     lines = {
         "backbone_m": found.metrics["backbone_points_m"],

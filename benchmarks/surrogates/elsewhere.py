@@ -54,7 +54,6 @@ class Score:
 def published(name: str) -> FemDataset:
     """A reference table as data of one axis."""
     rows = reference_table(name)
-    assert rows is not None
     actuation = "pressure_pa" if "pressure_pa" in rows else "tendon_force_n"
     angle = 2 * rows["half_angle_rad"] if "half_angle_rad" in rows else rows["joint_angle_rad"]
     moment = rows["moment_n_m"]
@@ -134,7 +133,6 @@ def cases() -> dict[str, FemDataset]:
 
 
 def main() -> None:
-    """Print and write the table, and the bars of the best kind."""
     if not (REFERENCE / HELICAL).is_file():
         print(f"{REFERENCE} is absent: nothing to do")
         return

@@ -69,7 +69,6 @@ def by_gain(
             return curve
         left = np.setdiff1d(np.arange(len(designs)), chosen)
         gain = laws.gain(designs.values[left], over)
-        assert gain is not None
         chosen.append(int(left[np.argmax(gain)]))
 
 

@@ -29,7 +29,6 @@ PUBLISHED = 0.0826
 
 
 def main() -> None:
-    """Fit all kinds to the reference design and to the grid, print a table, write the figures."""
     parser = parser_of(__doc__)
     parser.add_argument("--kinds", nargs="+", default=sorted({kind for kind, _ in FORMS.values()}))
     wanted = parser.parse_args().kinds
@@ -87,7 +86,6 @@ def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
     inside = inside_bands(fitted.law, states.check.actuation, states.check.angle_rad, states.check.moment_n_m)
     if inside is not None:
         width = fitted.law.band(states.check.actuation, states.check.angle_rad[:, None], 0.9)
-        assert width is not None
         row |= {"inside": inside, "half_width_of_range": float(width.mean()) / float(states.ranges[0])}
     return row
 

@@ -34,7 +34,6 @@ Evaluate = Callable[[Array, Array], Effort]
 
 
 def main() -> None:
-    """Time all laws inside their box and around it."""
     design = bending_designs()[DESIGN]
     results: dict[str, Any] = {"points": POINTS, "design": dict(design.design.parameters)}
     bars = []
@@ -49,7 +48,6 @@ def main() -> None:
             label = f"{name}: evaluations with slopes, one core"
             bars.append(Bar(label, results[name]["inside"]["million_per_s"], BARS[name], "million/s", False))
     built = surrogate("polynomial, adaptive")
-    assert built is not None
     results["polynomial, three axes"] = timed(
         "polynomial, three axes", built.fit_module(helical_designs()[0]).law
     )

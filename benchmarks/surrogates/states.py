@@ -85,7 +85,6 @@ def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
     system = System(data, Domain(states.box[0], states.box[1:]))
     terms = all_terms(DEGREE + energy * MORE_WITH_POTENTIAL, potential=energy)
     posterior = Posterior.of(system, terms, prior_of(system, terms))
-    assert posterior is not None
     x, v = Views.of(states, 1.0).places.T
     return values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
 
@@ -143,7 +142,6 @@ def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[flo
         order = greedy(places, KINDS[kind], lengths, max(BESIDE))
         for number in BESIDE:
             told = held_back(states, order[:number], kind)
-            assert told is not None
             found[number].append(float(np.sqrt(np.mean((told - true)[states.grid :] ** 2))))
     return found
 

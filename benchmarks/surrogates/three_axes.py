@@ -198,7 +198,7 @@ def main() -> None:
     tendons = [tendon(ROOT / "examples/data/tendon_joint.csv")]
     if TENDON.exists():
         tendons.append(tendon(TENDON))
-    study = min(r2 for r2, _ in results["study's"]["chosen"].values())  # type: ignore[attr-defined]
+    study = min(r2 for r2, _ in results["study's"]["chosen"].values())
     bars = [
         Bar("R² of the study's helical module, lowest axis", study, 0.9999, "", False),
         Bar("R² of all helical designs, lowest axis", totals["grid"]["chosen"]["lowest"], 0.9999, "", False),

@@ -20,8 +20,7 @@ import numpy as np
 import pytest
 from benchmarks.evidence import seal
 from benchmarks.evidence.bench import Bench, Job, append, read
-from benchmarks.evidence.counting import reliability, summary, wilson
-from benchmarks.evidence.judge import judge
+from benchmarks.evidence.judge import judge, reliability, summary, wilson
 from benchmarks.evidence.oracle import best, choice, mean_squares
 from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix

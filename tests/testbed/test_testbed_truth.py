@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from benchmarks.evidence import mujoco_truth, noise
+from benchmarks.evidence import mujoco_truth
 from benchmarks.evidence.forms import Forms, arriving
 from benchmarks.evidence.protocols import LOAD_N_M, NAMES, Run, protocol, steps, triangles
 from benchmarks.evidence.robots import (
@@ -27,10 +27,12 @@ from benchmarks.evidence.robots import (
 from benchmarks.evidence.sets import (
     ENGINES,
     SIGMA_OF_RANGE,
+    SPECTRA,
     MeasuredSet,
     SetSpec,
     follow,
     make_set,
+    noise_of,
     noise_sizes,
     signal,
 )
@@ -300,8 +302,9 @@ def test_a_sensor_bias_is_nearly_constant() -> None:
 
 @pytest.mark.parametrize("split", ["judged", "calibration"])
 def test_noise_has_the_variance_and_the_correlation_that_it_states(split: str) -> None:
-    spectrum, n, dt = noise.SPECTRA[split], 2000, 0.4
-    runs = noise.draw(spectrum, [dt * np.arange(n)] * 60, np.random.default_rng(5))
+    spectrum, n, dt = SPECTRA[split], 2000, 0.4
+    rng = np.random.default_rng(5)
+    runs = [noise_of(spectrum, dt * np.arange(n), rng) for _ in range(60)]
     within = [run - run.mean() for run in runs]
     assert np.mean([np.var(run) for run in within]) == pytest.approx(1.0, rel=0.03)
     for lag in (1, 5, 10):
