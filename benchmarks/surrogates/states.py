@@ -56,11 +56,6 @@ BASELINE = {"left out": "least squares", "bound": "least squares, bound"}
 Curve = dict[int, tuple[float, ...]]
 
 
-def other_designs() -> list[Views]:
-    """Every fourth design of the grid."""
-    return [_views_of(data) for data in table("bending_grid").data[::EVERY]]
-
-
 def _views_of(data: ModuleData) -> Views:
     good = np.isin(data.status, TRUSTED)
     u = data.deformation[good, 0]
@@ -180,7 +175,7 @@ def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--skip-least-squares", action="store_true")
     options = parser.parse_args()
-    designs = other_designs()
+    designs = [_views_of(data) for data in table("bending_grid").data[::EVERY]]  # of every fourth design
     lengths = {kind: likeliest(designs, orders) for kind, orders in KINDS.items()}
     print("lengths of other designs:", {kind: one.round(2).tolist() for kind, one in lengths.items()})
     results: dict[str, Any] = {"lengths": {kind: one.tolist() for kind, one in lengths.items()}}
