@@ -71,11 +71,14 @@ def compare(chain: ChainModel, inputs: Inputs) -> dict[str, Any]:
             f"  {kind:12s} tip ({tip[0]:.4f}, {tip[1]:.4f}, {tip[2]:.4f}) mm  residual {final.residual:.1e}"
             f" N·m  {final.iterations:4d} iterations  {ratio:7.1f} × quasi-static"
         )
-        table[kind] = {
-            "tip_m": final.tip_m.tolist(),
+        reached = {
             "residual_n_m": final.residual,
             "converged": final.converged,
             "iterations": final.iterations,
+        }
+        table[kind] = {
+            "tip_m": final.tip_m.tolist(),
+            **reached,
             "cpu_s": seconds,
             "cpu_over_quasistatic": ratio,
         }

@@ -124,14 +124,8 @@ class Scores:
         whole, common, beyond = (rms(error[part]) for part in self.parts)
         last = f"{beyond:7.4f}" if beyond == beyond else "      -"
         print(f"{name:44s}  {training:7.4f} {blocked:7.4f} {whole:7.4f} {common:7.4f} {last}")
-        return {
-            "model": name,
-            "training": training,
-            "blocks": blocked,
-            "unseen": whole,
-            "common": common,
-            "beyond": None if beyond != beyond else beyond,
-        }
+        errors = {"unseen": whole, "common": common, "beyond": None if beyond != beyond else beyond}
+        return {"model": name, "training": training, "blocks": blocked, **errors}
 
 
 def baselines(bench: Bench, training: str) -> list[StaticLaw]:

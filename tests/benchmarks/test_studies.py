@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.output import Bar, ratio
-from benchmarks.studies import gripper_codesign, gripper_page, gripper_policy, shape_matching, shape_page
+from benchmarks.studies import gripper_bars, gripper_codesign, gripper_page, shape_matching, shape_page
 from benchmarks.studies.command import (
     Given,
     Parts,
@@ -282,12 +282,12 @@ def policy_result() -> SearchResult:
 
 def test_a_policy_is_scored_over_its_tasks() -> None:
     result = policy_result()
-    assert gripper_policy.score(result) == 4.5
-    assert gripper_policy.stable_tasks(result) == 1
-    found = gripper_policy.curve(result)
+    assert gripper_bars.score(result) == 4.5
+    assert gripper_bars.stable_tasks(result) == 1
+    found = gripper_bars.curve(result)
     assert found["grasps"] == [1, 2, 3, 3, 4, 5]  # the refused one was no grasp
     assert found["score"] == [None, 3.0, 4.0, 4.0, 4.0, 4.5]
-    assert gripper_policy.policy(result)["cylinder"] == {"a": [5.0], "b": [5.0]}
+    assert gripper_bars.policy(result)["cylinder"] == {"a": [5.0], "b": [5.0]}
 
 
 def test_successes_are_counted() -> None:
@@ -377,7 +377,7 @@ def test_the_small_gripper_study_can_be_searched(tmp_path: Path) -> None:
     problem = SearchProblem.of(gripper_codesign.few(opened.study), opened.bench.registry)
     assert [condition.name for condition in problem.conditions] == ["egg-5", "cylinder-4"]
     acts = {"egg-5": ["egg_inset"], "cylinder-4": ["cylinder_inset"]}
-    assert gripper_policy.acting(problem) == acts
+    assert gripper_bars.acting(problem) == acts
 
 
 @pytest.mark.parametrize(

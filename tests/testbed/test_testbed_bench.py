@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.evidence import seal
-from benchmarks.evidence.bench import Bench, Job, append, read
 from benchmarks.evidence.judge import judge, reliability, summary, wilson
 from benchmarks.evidence.oracle import best, choice, mean_squares
 from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
+from benchmarks.evidence.run_bench import Bench, Job, append, read
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
