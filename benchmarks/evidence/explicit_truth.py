@@ -11,10 +11,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, with_wrap, wraps
-from benchmarks.evidence.functional_truth import Bones, Inputs, bones_of, followed, ramped, weights
+from benchmarks.evidence.forms import Drive, Forms, effort, healed, with_wrap, wraps
+from benchmarks.evidence.functional_truth import (
+    Bones,
+    Inputs,
+    bones_of,
+    cycles_of,
+    driven,
+    followed,
+    ramped,
+    weights,
+)
 from benchmarks.evidence.protocols import Protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.robots import Array, Robot
 from benchmarks.evidence.skeleton import skeleton
 from numba import njit
 
@@ -52,7 +61,7 @@ def _advance(
 @njit
 def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms) -> tuple[Array, float]:
     """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
-    count, warm = len(inputs.pressure), inputs.temperature
+    count = len(inputs.pressure)
     new, state = memory.copy(), np.zeros(3)
     ramp = round(RAMP_S / STEP_S)
     for k in range(ramp + round(SETTLE_S / STEP_S)):
@@ -69,17 +78,9 @@ def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, round(span / STEP_S))
         dt = span / parts
-        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
-        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
         for k in range(1, parts + 1):
-            share = k / parts
-            reached = start + share * rise
-            chamber = arriving(supply, reached, reached, inputs.valve[i], dt, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.0, dt, supply, cycles, f)
             _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
         angles[i, 0] = state[0]
     return angles, cycles

@@ -82,10 +82,37 @@ def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
 
 
 @njit
+def driven(
+    inputs: Inputs, i: int, share: float, lead: float, dt: float, supply: Array, cycles: float, f: Forms
+) -> Drive:
+    """What acts after a share of the way from sample i − 1 to i; the chamber is filled from `lead` before it."""
+    start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
+    before, span = inputs.time[i - 1], inputs.time[i] - inputs.time[i - 1]
+    middle, end = start + (share - lead) * rise, start + share * rise
+    chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
+    moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
+    time = before + share * span
+    return Drive(chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0)
+
+
+@njit
+def cycles_of(inputs: Inputs, i: int, parts: int) -> float:
+    """Cycles of the largest pressure that are done in each part of the way to sample i."""
+    return abs(inputs.pressure[i] - inputs.pressure[i - 1]) / parts / (2.0 * PRESSURE_MAX_PA)
+
+
+@njit
 def _cross(a: Array, b: Array, out: Array) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def _along(rotation: Array, r: int, vectors: Array, j: int) -> float:
+    """Component r of the turned vector j."""
+    turned = rotation[r, 0] * vectors[j, 0]
+    return turned + rotation[r, 1] * vectors[j, 1] + rotation[r, 2] * vectors[j, 2]
 
 
 @njit
@@ -98,17 +125,9 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
     turned = np.empty(3)
     for j in range(n):
         for r in range(3):
-            place[r] += (
-                rotation[r, 0] * bones.offsets[j, 0]
-                + rotation[r, 1] * bones.offsets[j, 1]
-                + rotation[r, 2] * bones.offsets[j, 2]
-            )
+            place[r] += _along(rotation, r, bones.offsets, j)
             places[j, r] = place[r]
-            axes[j, r] = (
-                rotation[r, 0] * bones.axes[j, 0]
-                + rotation[r, 1] * bones.axes[j, 1]
-                + rotation[r, 2] * bones.axes[j, 2]
-            )
+            axes[j, r] = _along(rotation, r, bones.axes, j)
         s, c = np.sin(u[j]), 1.0 - np.cos(u[j])
         # Rodrigues about the axis in space: every column of the rotation is turned.
         for k in range(3):
@@ -118,12 +137,9 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
             for r in range(3):
                 rotation[r, k] = before[r] + s * turned[r] + c * (axes[j, r] * along - before[r])
         for r in range(3):
-            centres[j, r] = (
-                place[r]
-                + rotation[r, 0] * bones.centres[j, 0]
-                + rotation[r, 1] * bones.centres[j, 1]
-                + rotation[r, 2] * bones.centres[j, 2]
-            )
+            centres[j, r] = place[r]
+            for k in range(3):
+                centres[j, r] += rotation[r, k] * bones.centres[j, k]
     mass, sums = 0.0, np.zeros(3)
     for j in range(n - 1, -1, -1):
         mass += bones.masses[j]
@@ -236,17 +252,9 @@ def _follow(
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, int(np.ceil(span / longest - 1e-9)))
         dt = span / parts
-        start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
         for k in range(1, parts + 1):
-            share = k / parts
-            middle, end = start + (share - 0.5 / parts) * rise, start + share * rise
-            chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.5 / parts, dt, supply, cycles, f)
             guess = 2.0 * u - before
             before[:], u[:] = u, guess
             well &= _solve(u, before, rates, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)

@@ -189,13 +189,9 @@ def banded(
     items: Sequence[Judged], value: Callable[[Judged], float | None], edges: Sequence[float]
 ) -> Iterator[tuple[float, float, list[Judged]]]:
     """(low, high, items) of each band; the last one includes its upper edge."""
+    known = [(x, item) for item in items if (x := value(item)) is not None]
     for low, high in itertools.pairwise(edges):
-        inside = [
-            item
-            for item in items
-            if (x := value(item)) is not None and (low <= x < high or x == high == edges[-1])
-        ]
-        yield low, high, inside
+        yield low, high, [item for x, item in known if low <= x < high or x == high == edges[-1]]
 
 
 def summary(items: Sequence[Judged]) -> dict[str, Any]:

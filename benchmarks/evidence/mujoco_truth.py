@@ -15,10 +15,20 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, healed, with_wrap, wraps
-from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, followed, own, ramped
+from benchmarks.evidence.forms import Drive, Forms, healed, with_wrap, wraps
+from benchmarks.evidence.functional_truth import (
+    AIR_DAMPING,
+    Bones,
+    Inputs,
+    bones_of,
+    cycles_of,
+    driven,
+    followed,
+    own,
+    ramped,
+)
 from benchmarks.evidence.protocols import Protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.robots import Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, skeleton
 from llvmlite import binding
 from numba import njit, types
@@ -113,7 +123,7 @@ def _follow(
     n, count = len(position), len(inputs.pressure)
     new, before = memory.copy(), np.zeros(n)
     position[:], velocity[:] = 0.0, 0.0
-    ramp, warm = round(RAMP_S / STEP_S), inputs.temperature
+    ramp = round(RAMP_S / STEP_S)
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
         # The bench turns, the world stays: gravity is what is turned.
@@ -127,17 +137,9 @@ def _follow(
     for i in range(1, count):
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, round(span / STEP_S))
-        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
-        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
         for k in range(1, parts + 1):
-            share = k / parts
-            reached = start + share * rise
-            chamber = arriving(supply, reached, reached, inputs.valve[i], STEP_S, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.0, STEP_S, supply, cycles, f)
             _advance(handles, views, drive, bones, before, memory, new, f)
         angles[i] = position
     return angles, cycles

@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
@@ -136,7 +136,15 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
     clean = outputs_of(truth, spec.engine)()
     sigma = noise_sizes(clean)
-    scaled = _each_alone(spec, truth, outputs_of, clean, sigma, targets)
+    scaled = []  # each part to its own target
+    for index, target in enumerate(targets if spec.kind != CLEAN else ()):
+        part, guess = truth.alone(index), target / 2
+        largest = part.parts[0].largest
+        if spec.engine != "functional":  # the fast engine knows nearly the strength
+            still = outputs_of(part, "functional")
+            nearly = _scaled(still, largest, still(), sigma, target, guess)
+            guess = nearly.strength if nearly.signal > 0 else guess
+        scaled.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
     hidden = scaled[0].outputs if len(scaled) == 1 else clean
     if len(scaled) > 1:
         hidden = outputs_of(truth, spec.engine)(*(part.strength for part in scaled))
@@ -161,21 +169,16 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
     """Noiseless outputs of every run: what its sensors read."""
-    angles = ENGINES[engine].follow(robot, runs, truth)
-    return [
-        _read(robot, run, q, truth, slip) for run, q, slip in zip(runs, angles, slips.tolist(), strict=True)
-    ]
-
-
-def _read(robot: Robot, run: Run, angles: Array, truth: Truth, slip: float) -> dict[str, Array]:
-    ideal = readings(robot, angles, run.base_angles_rad, truth.body)
-    names = (*robot.outputs, *robot.second) if run.second else robot.outputs
-    return {
-        name: sensed(ideal[name], run.time_s, truth.sensor, slip)
-        if name.endswith("angle_rad")
-        else ideal[name]
-        for name in names
-    }
+    outputs = []
+    for run, angles, slip in zip(
+        runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
+    ):
+        ideal = readings(robot, angles, run.base_angles_rad, truth.body)
+        names = (*robot.outputs, *robot.second) if run.second else robot.outputs
+        turns = [name for name in names if name.endswith("angle_rad")]
+        seen = {name: sensed(ideal[name], run.time_s, truth.sensor, slip) for name in turns}
+        outputs.append({name: seen.get(name, ideal[name]) for name in names})
+    return outputs
 
 
 def noise_sizes(clean: Outputs) -> dict[str, float]:
@@ -192,8 +195,7 @@ def signal(clean: Outputs, hidden: Outputs, sigma: dict[str, float]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
-@dataclass(frozen=True)
-class Scaled:
+class Scaled(NamedTuple):
     """One effect alone at its strength: what the bench would read, and how far that is from clean, in σ."""
 
     strength: float
@@ -201,36 +203,8 @@ class Scaled:
     signal: float
 
 
-def _each_alone(
-    spec: SetSpec,
-    truth: HiddenTruth,
-    outputs_of: Callable[[HiddenTruth, str], Follow],
-    clean: Outputs,
-    sigma: dict[str, float],
-    targets: list[float],
-) -> list[Scaled]:
-    """Every part scaled to its own target; nothing for a clean set."""
-    if spec.kind == CLEAN:
-        return []
-    found = []
-    for index, target in enumerate(targets):
-        part, guess = truth.alone(index), target / 2
-        largest = part.parts[0].largest
-        if spec.engine != "functional":  # the fast engine knows nearly the strength
-            still = outputs_of(part, "functional")
-            nearly = _scaled(still, largest, still(), sigma, target, guess)
-            guess = nearly.strength if nearly.signal > 0 else guess
-        found.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
-    return found
-
-
 def _scaled(
-    outputs: Follow,
-    largest: float,
-    clean: Outputs,
-    sigma: dict[str, float],
-    target: float,
-    guess: float,
+    outputs: Follow, largest: float, clean: Outputs, sigma: dict[str, float], target: float, guess: float
 ) -> Scaled:
     """At the strength at which the signal is the target, or at the largest sensible one below it.
 

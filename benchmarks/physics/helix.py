@@ -140,9 +140,8 @@ def helix(
 
 
 def _segments(law: JointLaw, specs: Sequence[SegmentSpec]) -> list[Segment]:
-    return [
-        Segment(rod_module(law, s.length_m, s.mass_kg, s.radius_m), s.modules, s.rotation_rad) for s in specs
-    ]
+    modules = (rod_module(law, s.length_m, s.mass_kg, s.radius_m) for s in specs)
+    return [Segment(one, s.modules, s.rotation_rad) for one, s in zip(modules, specs, strict=True)]
 
 
 def cut(cells: int, specs: Sequence[SegmentSpec] = SEGMENTS) -> tuple[SegmentSpec, ...]:
