@@ -178,16 +178,16 @@ TABLES: pages.Tables = {
 
 def expected_time(plan: Plan) -> str:
     """Sets and minutes of each group, on two cores, by the seconds that one was measured to take."""
-    minutes: dict[str, list[float]] = {}
+    seconds: dict[str, list[float]] = {}
     for task in plan.tasks():
         robot, share = task.spec.robot, POOR if task.spec.protocol == "poor" else 1.0
         asked = 2.0 if task.group in SEARCHED else TIMES[task.mode]
         oracle = ORACLE_S[robot] if task.group == ORACLE_GROUP else 0.0
         one = share * (MAKING_S[robot] + asked * ASKING_S[robot]) + oracle
-        minutes.setdefault(task.group, []).append(one / 60 / 2)
-    rows = {group: minutes[group] for group in sorted(minutes)}
-    rows["all"] = [one for mine in minutes.values() for one in mine]
-    lines = [f"{group:14s} {len(mine):4d}  {sum(mine):6.1f}" for group, mine in rows.items()]
+        seconds.setdefault(task.group, []).append(one)
+    rows = {group: (len(seconds[group]), sum(seconds[group]) / 60 / 2) for group in sorted(seconds)}
+    rows["all"] = tuple(sum(column) for column in zip(*rows.values(), strict=True))
+    lines = [f"{group:14s} {count:4d}  {minutes:6.1f}" for group, (count, minutes) in rows.items()]
     return "\n".join([f"{'group':14s} sets  min on two cores", *lines])
 
 
