@@ -31,7 +31,7 @@ from pliant.report.diagnosis_tables import (
     not_excited_table,
     parameter_texts,
 )
-from pliant.report.diagnosis_view import Diagnosed
+from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import value_text
 from pliant.report.render import page as rendered
 

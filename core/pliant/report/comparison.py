@@ -14,7 +14,6 @@ from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.report.comparison_view import Compared
 from pliant.report.document import (
     Column,
     Document,
@@ -28,6 +27,7 @@ from pliant.report.document import (
     capital,
     page_table,
 )
+from pliant.report.evidence_view import Compared
 from pliant.units import si_unit
 
 OUTPUTS_DRAWN = 2
@@ -198,7 +198,7 @@ def _drawn(compared: Compared) -> Drawn:
 
 
 def _runs(compared: Compared, output: str, name: str) -> Picture:
-    from pliant.report.figures.runs_in_time import MOST, runs_in_time
+    from pliant.report.figures.comparison import MOST, runs_in_time
 
     _, whole = compared.worst_runs(MOST)
     which = "all runs" if whole else "one run of each condition, the worst first"
@@ -213,7 +213,7 @@ def _runs(compared: Compared, output: str, name: str) -> Picture:
 
 
 def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
-    from pliant.report.figures.residual_places import residual_places
+    from pliant.report.figures.comparison import residual_places
 
     comparison = compared.comparison
     caption = (
@@ -238,7 +238,7 @@ def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
 
 
 def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
-    from pliant.report.figures.loops import loops
+    from pliant.report.figures.comparison import loops
 
     caption = (
         "{capital} over what drives it; below, the error over the same, coloured by what the actuation does. A gap "
@@ -263,7 +263,7 @@ def _pictures(
 
 
 def _map(compared: Compared) -> Section | None:
-    from pliant.report.figures.condition_map import MOST_RUNS, condition_map
+    from pliant.report.figures.comparison import MOST_RUNS, condition_map
 
     png = condition_map(compared)
     if png is None:

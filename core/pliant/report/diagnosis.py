@@ -25,8 +25,8 @@ from pliant.report.diagnosis_tables import (
     not_excited_table,
     parameter_texts,
 )
-from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.document import Document, Drawn, Picture, Section, Warned, brief_table, capital
+from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,
@@ -162,7 +162,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.figures.hypotheses import hypotheses
+    from pliant.report.figures.diagnosis import hypotheses
 
     made = [
         _next(diagnosed.found),
@@ -210,7 +210,7 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
 
 
 def _changes(diagnosed: Diagnosed) -> Section:
-    from pliant.report.figures.explained_runs import explained_runs
+    from pliant.report.figures.diagnosis import explained_runs
 
     found, pictures = diagnosed.found, []
     which = (
@@ -235,7 +235,7 @@ def _changes(diagnosed: Diagnosed) -> Section:
 
 
 def _depends(diagnosed: Diagnosed) -> Section | None:
-    from pliant.report.figures.error_depends import error_depends
+    from pliant.report.figures.diagnosis import error_depends
 
     output = diagnosed.outputs_by_gain()[0]
     png = error_depends(diagnosed, output)
@@ -274,7 +274,7 @@ def _limits(found: Diagnosis, registry: Registry) -> Section:
 
 
 def _noise(diagnosed: Diagnosed) -> Section:
-    from pliant.report.figures.repeats import repeats
+    from pliant.report.figures.diagnosis import repeats
 
     found = diagnosed.found
     output = diagnosed.outputs_by_gain()[0]

@@ -11,8 +11,8 @@ from pliant.diagnosis.diagnosis import Diagnosis, circumstance
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes
-from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.document import Column, Table, as_json, page_table
+from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     estimate_text,
     parameter_word,
@@ -115,6 +115,14 @@ def not_excited_table(found: Diagnosis) -> Table | None:
 
 def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
     """For each effect those that can stand in for it, and what tells the leading ones apart."""
+
+    def told_apart(a: str, b: str) -> str:
+        """What the plugin of either says of the pair; empty if neither names the other."""
+        for note, other in ((notes.get(a), b), (notes.get(b), a)):
+            if note is not None and note.look_alike == other:
+                return f"{b}: {note.told_apart}" if note.told_apart else ""
+        return ""
+
     twins: dict[str, list[tuple[str, float]]] = {}
     for pair in found.indistinguishable:
         twins.setdefault(pair.a, []).append((pair.b, pair.unexplained_share))
@@ -123,23 +131,13 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         imitators = [f"{b} ({whole_percent(share)})" for b, share in twins[a][:MOST_TWINS]]
         more = len(twins[a]) - len(imitators)
         cell = ", ".join(imitators) + (f" and {more} more" if more else "")
-        apart = next((text for b, _ in twins[a] if (text := _told_apart(notes, a, b))), "")
-        rows.append([a, cell, apart])
+        rows.append([a, cell, next((text for b, _ in twins[a] if (text := told_apart(a, b))), "")])
     note = (
         "In brackets: the share of the effect's change, at a strength of 2 noise floors, that the other cannot "
         "imitate; the noise hides it."
     )
     head = ["effect", "can be imitated by", "what tells them apart"]
     return _table("Look-alikes under these runs", head, rows, note, 3)
-
-
-def _told_apart(notes: Notes, a: str, b: str) -> str:
-    """What the plugin of either says of the pair; empty if neither names the other."""
-    for one, other in ((a, b), (b, a)):
-        note = notes.get(one)
-        if note is not None and note.look_alike == other:
-            return f"{b}: {note.told_apart}" if note.told_apart else ""
-    return ""
 
 
 def classes_table(found: Diagnosis) -> Table | None:

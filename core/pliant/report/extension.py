@@ -25,15 +25,18 @@ def extension_document(
         doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
     if not found.noise.judged:
         doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
-    falls = [
-        f"{unit_of(name).label}: {unit_of(name).text(found.before.rmse[name], 3)} → "
-        f"{unit_of(name).text(rmse, 3)} rms, all readings"
-        for name, rmse in found.after.rmse.items()
-    ]
+    falls = []
+    for name, rmse in found.after.rmse.items():
+        unit = unit_of(name)
+        before = unit.text(found.before.rmse[name], 3)
+        falls.append(f"{unit.label}: {before} → {unit.text(rmse, 3)} rms, all readings")
+    sentence = f"With {listed(list(found.kinds))}: {_errors(found)}."
+    if found.heldout is not None and found.heldout.over_floor >= found.before.over_floor:
+        sentence += " It does not fall on conditions left out: this is no improvement."
     return Document(
         kind="Pliant: effects fitted",
         title=title,
-        sentence=_absent(found, registry) if found.absent else _outcome(found),
+        sentence=_absent(found, registry) if found.absent else sentence,
         data={**extension_json(found), "remarks": notes},
         brief=(parameters_brief(found.uncertainty), *falls),
         warnings=tuple(map(Warned, (*notes, *doubts))),
@@ -83,19 +86,7 @@ def _absent(found: Extension, registry: Registry) -> str:
     return " ".join([*sentences, "No study was written."])
 
 
-def _outcome(found: Extension) -> str:
-    text = f"With {listed(list(found.kinds))}: {_errors(found)}."
-    heldout = found.heldout
-    if heldout is not None and heldout.over_floor >= found.before.over_floor:
-        text += " It does not fall on conditions left out: this is no improvement."
-    return text
-
-
 def _errors(found: Extension) -> str:
-    heldout = found.heldout
-    last, where = (
-        (found.after, "on the readings fitted") if heldout is None else (heldout, "on conditions left out")
-    )
-    return (
-        f"error {number(found.before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
-    )
+    where = "on the readings fitted" if found.heldout is None else "on conditions left out"
+    last = number((found.heldout or found.after).over_floor, 3)
+    return f"error {number(found.before.over_floor, 3)} → {last} times the noise {where}"

@@ -77,37 +77,30 @@ def free_reach(data: ModuleData) -> str:
 def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
     """What limits a data set: self-contact, states that are not trusted, states that failed."""
     found = []
-    contact = int(np.sum(data.status == SELF_CONTACT))
-    if contact:
+    if contact := int(np.sum(data.status == SELF_CONTACT)):
+        tendon = data.actuation_name == "tendon_force_n"
+        touching = "links that would meet" if tendon else "touching convolutions"
         found.append(
-            Warned(
-                f"{prefix}{contact} of {len(data)} states have {_touching(data)}. The model has no "
-                "contact: the law's domain ends where they take over, and inside it they are too soft."
-            )
+            f"{contact} of {len(data)} states have {touching}. The model has no contact: the law's domain ends where "
+            "they take over, and inside it they are too soft."
         )
     if passed := int(np.sum(data.status == PASSED)):
         found.append(
-            Warned(
-                f"{prefix}In {passed} of {len(data)} states convolutions pass through each other, as "
-                "'fem.self_contact: pass' lets them: a real module is stiffer there."
-            )
+            f"In {passed} of {len(data)} states convolutions pass through each other, as 'fem.self_contact: pass' "
+            "lets them: a real module is stiffer there."
         )
     other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))
     if other.any():
         names = ", ".join(sorted(set(data.status[other].tolist())))
-        found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))
-    failed = data.failed
-    if failed:
+        found.append(f"{int(other.sum())} states are not trusted ({names}).")
+    warned = [Warned(prefix + text) for text in found]
+    if count := len(data.failed):
         items = tuple(
             f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
-            for entry in failed[:LISTED]
+            for entry in data.failed[:LISTED]
         )
-        found.append(Warned(f"{prefix}{len(failed)} states failed{rest_of_list(len(failed))}.", items))
-    return found
-
-
-def _touching(data: FemDataset | ModuleData) -> str:
-    return "links that would meet" if data.actuation_name == "tendon_force_n" else "touching convolutions"
+        warned.append(Warned(f"{prefix}{count} states failed{rest_of_list(count)}.", items))
+    return warned
 
 
 def rest_of_list(count: int) -> str:

@@ -299,32 +299,26 @@ SMALLEST = 1e-8
 
 def surrogate_bars(fitted: Sequence[Fitted]) -> style.Png:
     """Three panels of horizontal bars on log scales, the first surrogate at the top."""
-    names = [one.name for one in fitted]
     worst = [100 * f.report.worst_of_range for f in fitted]
     panels = (
         ("Worst error on states left out", "% of the effort's range", worst),
         ("Time of the fit", "s", [f.wall_s for f in fitted]),
         ("Evaluations with slopes", "million a second", [f.per_second / 1e6 for f in fitted]),
     )
+    rows = np.arange(len(fitted))
+    colours = [style.SERIES[k % len(style.SERIES)] for k in rows]
     with style.canvas(1560, 170 + 70 * len(fitted), wspace=0.04) as figure:
         grid = figure.subplots(1, 3, sharey=True)
-        for axes, (title, unit, values) in zip(grid, panels, strict=True):
-            _bars(axes, names, np.maximum(values, SMALLEST))
+        for axes, (title, unit, found) in zip(grid, panels, strict=True):
+            values = np.maximum(found, SMALLEST)
+            low = 10.0 ** np.floor(np.log10(values.min() / 2))
+            axes.barh(rows, values - low, left=low, height=0.6, color=colours, zorder=3)
+            axes.set(xscale="log", xlim=(low, values.max() * (values.max() / low) ** 0.25))
+            axes.set_yticks(rows, [one.name for one in fitted])
+            axes.grid(axis="y", visible=False)
+            style.log_labels(axes.xaxis)
+            for row, value in zip(rows, values, strict=True):
+                style.note(axes, number(float(value), 3), (value, row), (4, 0), va="center")
             axes.set(title=title, xlabel=unit)
         grid[0].invert_yaxis()
         return style.png(figure)
-
-
-def _bars(axes: Any, names: Sequence[str], values: Any) -> None:
-    low = 10.0 ** np.floor(np.log10(values.min() / 2))
-    places = np.arange(len(names))
-    colours = [style.SERIES[k % len(style.SERIES)] for k in places]
-    axes.barh(places, values - low, left=low, height=0.6, color=colours, zorder=3)
-    axes.set(xscale="log", xlim=(low, values.max() * (values.max() / low) ** 0.25))
-    axes.set_yticks(places, names)
-    axes.grid(axis="y", visible=False)
-    style.log_labels(axes.xaxis)
-    for place, value in zip(places, values, strict=True):
-        axes.annotate(
-            number(float(value), 3), (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5
-        )  # fmt: skip

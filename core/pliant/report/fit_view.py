@@ -160,50 +160,38 @@ class BandCoverage:
 
 
 def _coverage(fitted: Fitted) -> list[BandCoverage]:
-    if fitted.law.error is None:
-        return []
     data, law, missed = fitted.data, fitted.law, fitted.misses
-    columns = [data.axes.index(axis) for axis in law.axes]
     part = missed.rows(missed.check)
-    if not len(part.state):
+    if law.error is None or not len(part.state):
         return []
+    columns = [data.axes.index(axis) for axis in law.axes]
     p, u = data.actuation[part.state], data.deformation[part.state][:, columns]
     widths = [law.band(p, u, level) for level in LEVELS]
     every, ranges = np.arange(len(part.state)), missed.ranges[part.axis]
     bands = np.array([w[every, part.axis] / ranges for w in widths if w is not None])
-    groups = {"states left out": np.ones(len(every), bool)}
-    if len(law.axes) > 1:
-        groups = {"all axes": groups["states left out"]}
+    several = len(law.axes) > 1
+    groups = {"all axes" if several else "states left out": np.ones(len(every), bool)}
+    if several:
         groups |= {f"axis {axis}": part.axis == k for k, axis in enumerate(law.axes)}
-    return [
-        BandCoverage(
-            label,
-            np.array(LEVELS),
-            np.mean(part.share[rows] <= bands[:, rows], axis=1),
-            int(rows.sum()),
-            bands[LEVELS.index(0.9), rows],
-            part.share[rows],
-            ranges[rows],
-        )
-        for label, rows in groups.items()
-        if rows.any()
-    ]
+    found = []
+    for label, rows in groups.items():
+        if rows.any():
+            covered = np.mean(part.share[rows] <= bands[:, rows], axis=1)
+            own = (bands[LEVELS.index(0.9), rows], part.share[rows], ranges[rows])
+            found.append(BandCoverage(label, np.array(LEVELS), covered, int(rows.sum()), *own))
+    return found
 
 
 def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
     """p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
     k = law.axes.index(axis)
-    p = _even_places(law.domain.actuation)
-    u = _even_places(law.domain.deformation[k])
+    ends = (law.domain.actuation, law.domain.deformation[k])
+    p, u = (np.linspace(float(low), float(high), POINTS) for low, high in ends)
     P, V = np.meshgrid(p, u, indexing="ij")
     deformation = np.zeros((P.size, len(law.axes)))
     deformation[:, k] = V.ravel()
     slopes = law.evaluate(P.ravel(), deformation).dtau_du[:, k, k]
     return p, u, slopes.reshape(P.shape)
-
-
-def _even_places(limits: Array) -> Array:
-    return np.linspace(float(limits[0]), float(limits[1]), POINTS)
 
 
 def least_stable(law: JointLaw, count: int = 4000) -> float:
@@ -242,13 +230,7 @@ def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
     for axis in law.axes:
         p, u, slopes = slope_grid(law, axis)
         i, j = np.unravel_index(int(np.argmax(slopes)), slopes.shape)
-        if slopes[i, j] >= 0:
-            found.append(
-                {
-                    "axis": axis,
-                    "actuation": float(p[i]),
-                    "deformation": float(u[j]),
-                    "slope": float(slopes[i, j]),
-                }
-            )
+        if (slope := float(slopes[i, j])) >= 0:
+            place = {"actuation": float(p[i]), "deformation": float(u[j])}
+            found.append({"axis": axis, **place, "slope": slope})
     return found

@@ -88,34 +88,35 @@ COLOURS = {"interior": style.SERIES[0], "border": style.SERIES[1]}
 
 def parity_picture(fitted: MetaFitted) -> style.Png:
     """One row for each axis: solved against predicted, interior and border apart, then misses of both."""
-    data = fitted.designs.data[0]
-    effort = effort_unit(data)
-    names = fitted.axes
+    effort, names, misses = effort_unit(fitted.designs.data[0]), fitted.axes, fitted.misses
+    outer = fitted.border[misses.design]
     with style.canvas(1560, 500 * len(names) + 40, wspace=0.04) as figure:
         grid = figure.subplots(len(names), 3, squeeze=False)
         for row, (a, name) in zip(grid, enumerate(names), strict=True):
             symbol = rf"$\tau_{name}$" if len(names) > 1 else r"$\tau$"
-            outer, scored = fitted.border[fitted.misses.design], fitted.misses.counts[:, a]
-            groups = {place: scored & (outer == (place == "border")) for place in PLACES}
+            solved = f"solved {symbol} ({effort.symbol})"
+            groups = {place: misses.counts[:, a] & (outer == (place == "border")) for place in PLACES}
             for axes, (place, rows) in zip(row, groups.items(), strict=False):
-                tau, miss = fitted.misses.tau[rows, a], fitted.misses.miss[rows, a]
+                tau, miss = misses.tau[rows, a], misses.miss[rows, a]
                 _parity(axes, effort.factor * tau, effort.factor * (tau + miss), COLOURS[place])
-                count = len(np.unique(fitted.misses.design[rows]))
+                count = len(np.unique(misses.design[rows]))
                 scores = fitted.scores[place].axes if place in fitted.scores else {}
                 r2 = f"{scores[name].r2:.6f}" if name in scores else "–"
                 axes.set_title(f"{symbol}, {place}: {count} designs, R² {r2}", fontsize=9.5)
-                axes.set(
-                    xlabel=f"solved {symbol} ({effort.symbol})",
-                    ylabel=f"predicted {symbol} ({effort.symbol})",
-                )
+                axes.set(xlabel=solved, ylabel=f"predicted {symbol} ({effort.symbol})")
             for place, rows in reversed(groups.items()):
-                tau = effort.factor * fitted.misses.tau[rows, a]
+                tau = effort.factor * misses.tau[rows, a]
                 _dots(row[2], tau, 100 * fitted.shares[rows, a], COLOURS[place], place)
-            row[2].axhline(0, color=style.SOFT, lw=0.9, zorder=1)
-            row[2].set_title("Predicted − solved", fontsize=9.5)
-            row[2].set(xlabel=f"solved {symbol} ({effort.symbol})", ylabel="% of the design's range")
-            row[2].legend(loc="best", markerscale=1.6)
+            _missed(row[2], solved, "% of the design's range", fontsize=9.5)
         return style.png(figure)
+
+
+def _missed(axes: Any, solved: str, share: str, **look: float) -> None:
+    """What a panel of misses has around its dots."""
+    axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
+    axes.set_title("Predicted − solved", **look)
+    axes.set(xlabel=solved, ylabel=share)
+    axes.legend(loc="best", markerscale=1.6)
 
 
 def free_picture(fitted: MetaFitted) -> style.Png | None:
@@ -135,20 +136,12 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
             if rows.any():
                 _parity(left, u[rows], u[rows] + miss[rows], COLOURS[place])
                 _dots(right, u[rows], 100 * miss[rows] / largest[rows], COLOURS[place], place)
-        right.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
         every = fitted.scores["all"]
         worst = "no equilibrium" if np.isinf(every.free_worst) else percent(every.free_worst)
-        left.set(
-            title=f"Free {word}: median miss {percent(every.free_median)}, worst {worst}",
-            xlabel=f"solved free {word} ({unit.symbol})",
-            ylabel=f"predicted free {word} ({unit.symbol})",
-        )
-        right.set(
-            title="Predicted − solved",
-            xlabel=f"solved free {word} ({unit.symbol})",
-            ylabel=f"% of the design's largest free {word}",
-        )
-        right.legend(loc="best", markerscale=1.6)
+        left.set_title(f"Free {word}: median miss {percent(every.free_median)}, worst {worst}")
+        solved, predicted = (f"{side} free {word} ({unit.symbol})" for side in ("solved", "predicted"))
+        left.set(xlabel=solved, ylabel=predicted)
+        _missed(right, solved, f"% of the design's largest free {word}")
         return style.png(figure)
 
 
@@ -174,22 +167,26 @@ def design_errors(fitted: MetaFitted) -> style.Png:
     """One panel for each pair of parameters, at most six; one parameter alone stands against its error."""
     names = fitted.designs.names
     pairs = list(combinations(range(len(names)), 2))[:MOST_PANELS]
-    shares = 100 * np.maximum(
-        np.where(np.isfinite(fitted.worst), fitted.worst, np.nanmax(fitted.worst)), 1e-8
+    worst, count = (
+        np.where(np.isfinite(fitted.worst), fitted.worst, np.nanmax(fitted.worst)),
+        max(len(pairs), 1),
     )
+    shares = 100 * np.maximum(worst, 1e-8)
     low, high = 10.0 ** np.floor(np.log10(np.nanmin(shares))), 10.0 ** np.ceil(np.log10(np.nanmax(shares)))
     norm = LogNorm(low, max(high, 10 * low))
-    columns = min(max(len(pairs), 1), 3)
-    rows = -(-max(len(pairs), 1) // columns)
+    columns = min(count, 3)
+    rows = -(-count // columns)
     with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60, wspace=0.04) as figure:
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        if not pairs:
-            _against(grid[0], fitted, shares, norm)
-        for axes, (i, j) in zip(grid, pairs, strict=False):
+        panels = style.panels(figure, count, columns)
+        for axes, (i, j) in zip(panels, pairs, strict=False):
             _pair(axes, fitted, i, j, shares, norm)
-        for axes in grid[max(len(pairs), 1) :]:
-            axes.set_axis_off()
-        place = {"ax": grid.tolist(), "pad": 0.015, "fraction": 0.03, "aspect": 40}
+        if not pairs:
+            unit = parameter_unit(names[0])
+            _scatter(panels[0], fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
+            panels[0].set_yscale("log")
+            style.log_labels(panels[0].yaxis)
+            panels[0].set(xlabel=unit.axis, ylabel="worst miss (% of the design's range)")
+        place = {"ax": figure.axes, "pad": 0.015, "fraction": 0.03, "aspect": 40}
         label = "worst miss when left out (% of range)"
         style.log_labels(style.colour_bar(figure, (norm, style.error_map()), label, **place).yaxis)
         look, inner = {"mfc": style.FAINT, "mec": style.INK}, int((~fitted.border).sum())
@@ -198,36 +195,24 @@ def design_errors(fitted: MetaFitted) -> style.Png:
             style.entry(f"on its border ({int(fitted.border.sum())})", "s", ms=6.5, **look),
         ]
         if fitted.proposals:
-            handles.append(
-                style.entry("solve next, in order", "*", color=style.SERIES[0], mec="white", ms=14)
-            )
+            star = {"color": style.SERIES[0], "mec": "white", "ms": 14}
+            handles.append(style.entry("solve next, in order", "*", **star))
         style.key_below(figure, handles)
         return style.png(figure)
 
 
 def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogNorm) -> None:
-    designs = fitted.designs
-    x_unit, y_unit = (parameter_unit(designs.names[k]) for k in (i, j))
-    x, y = designs.values[:, i] * x_unit.factor, designs.values[:, j] * y_unit.factor
+    units = [parameter_unit(fitted.designs.names[k]) for k in (i, j)]
+    x, y = (fitted.designs.values[:, k] * unit.factor for k, unit in zip((i, j), units, strict=True))
     dx, dy = _apart(x, y)
     _scatter(axes, x + dx * np.ptp(x), y + dy * np.ptp(y), fitted, shares, norm)
     for number, proposal in enumerate(fitted.proposals, start=1):
-        place = proposal.values[i] * x_unit.factor, proposal.values[j] * y_unit.factor
+        place = proposal.values[i] * units[0].factor, proposal.values[j] * units[1].factor
         axes.plot(*place, "*", ms=14, mfc=style.SERIES[0], mec="white", mew=0.9, zorder=6)
-        axes.annotate(
-            str(number), place, (8, 5), textcoords="offset points", fontsize=9.5, weight="bold", color=style.SERIES[0],
-            zorder=7,
-        )  # fmt: skip
+        look = {"fontsize": 9.5, "weight": "bold", "color": style.SERIES[0], "zorder": 7}
+        style.note(axes, str(number), place, (8, 5), **look)
     axes.margins(0.1)
-    axes.set(xlabel=x_unit.axis, ylabel=y_unit.axis)
-
-
-def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
-    unit = parameter_unit(fitted.designs.names[0])
-    _scatter(axes, fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
-    axes.set_yscale("log")
-    style.log_labels(axes.yaxis)
-    axes.set(xlabel=unit.axis, ylabel="worst miss (% of the design's range)")
+    axes.set(xlabel=units[0].axis, ylabel=units[1].axis)
 
 
 def _scatter(axes: Any, x: Any, y: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:

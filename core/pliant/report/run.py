@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import (
-    Unit,
     actuation_unit,
     deformation_unit,
     display_unit,
@@ -167,12 +166,12 @@ def _engine_line(engine: EngineRun) -> str:
 
 def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
     """A task's metrics in SI for the terminal; curves and tables stand in the JSON result."""
-    return [f"  {name:<24} {_metric(value)}" for name, value in metrics.items() if not _is_table(value)]
-
-
-def _is_table(value: Any) -> bool:
-    items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
-    return any(isinstance(item, list) for item in items)
+    lines = []
+    for name, value in metrics.items():
+        items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+        if not any(isinstance(item, list) for item in items):
+            lines.append(f"  {name:<24} {_metric(value)}")
+    return lines
 
 
 def _metric(value: Any) -> str:
@@ -187,9 +186,12 @@ def _metric(value: Any) -> str:
 
 def result_sentence(run: FinishedRun) -> str:
     """What came out: the bend, how well the engines agree, how well the law fits."""
-    parts = [_bend(run), _agreement(ran(run)), _law_error(run)]
-    text = "; ".join(part for part in parts if part)
-    return capital(unbroken(text)) + "."
+    parts, engines = [_bend(run)], ran(run)
+    if len(engines) > 1 and not engines[0].result.stills:
+        worst = max(float(d.max()) for d in distances_m(engines))
+        count = {2: "two", 3: "three", 4: "four"}.get(len(engines), str(len(engines)))
+        parts.append(f"{count} engines agree within {small_length(worst)}")
+    return capital(unbroken("; ".join([*parts, _law_error(run)]))) + "."
 
 
 def warnings(run: FinishedRun) -> list[Warned]:
@@ -217,29 +219,23 @@ def _bend(run: FinishedRun) -> str:
     law = run.designs[0].law
     if not engines:
         return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
-    final = engines[0].result.final
-    if engines[0].result.stills:
-        return grasp_words(engines[0], actuation(run))
-    joints = final.joint_angles
+    result = engines[0].result
+    if result.stills:
+        return grasp_words(engines[0], given)
+    joints = result.final.joint_angles
     at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     load = payload_kg(run)
     under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
     name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
-    total = float(joints[:, main_axis(law)].sum())
-    verb = "extends by" if law.joint == "prismatic" else "bends"
-    unit = deformation_unit(law)
-    size = unit.attached(fixed(unit.factor * total, 2 if law.joint == "prismatic" else 1))
-    if not final.converged:
+    if not result.final.converged:
         return f"{name} did not settle{at}{under} in {engines[0].kind}"
-    return f"{name} {verb} {size}{at}{under}{_to_target(engines[0])}"
-
-
-def _to_target(engine: Ran) -> str:
-    """How far a backbone ended from the curve that it was to follow."""
-    metrics = engine.result.metrics
-    if "target_points_m" not in metrics:
-        return ""
-    return f", {display_unit('m').text(float(metrics['rmse_m']), 3)} (RMS) from its target"
+    slides, unit = law.joint == "prismatic", deformation_unit(law)
+    total = float(joints[:, main_axis(law)].sum())
+    size = unit.attached(fixed(unit.factor * total, 2 if slides else 1))
+    target = ""
+    if "target_points_m" in result.metrics:
+        target = f", {display_unit('m').text(float(result.metrics['rmse_m']), 3)} (RMS) from its target"
+    return f"{name} {'extends by' if slides else 'bends'} {size}{at}{under}{target}"
 
 
 def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
@@ -255,14 +251,6 @@ def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
     if share is not None and "trials" in measured:
         parts.append(f"{100 * float(share):.0f} % of {len(measured['trials']['mode'])} trials hold it")
     return ", ".join(parts)
-
-
-def _agreement(engines: list[Ran]) -> str:
-    if len(engines) < 2 or engines[0].result.stills:
-        return ""
-    worst = max(float(d.max()) for d in distances_m(engines))
-    numbers = {2: "two", 3: "three", 4: "four"}
-    return f"{numbers.get(len(engines), str(len(engines)))} engines agree within {small_length(worst)}"
 
 
 def _law_error(run: FinishedRun) -> str:
@@ -281,31 +269,24 @@ def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
     final, law = engine.result.final, run.designs[0].law
     found = []
     if not final.converged:
-        unit = effort_unit(law)
-        residual = unit.text(final.residual, 2)
+        residual = effort_unit(law).text(final.residual, 2)
         found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
     if final.stable is False:
-        found.append(
-            Warned(f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there.")
-        )
+        text = f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there."
+        found.append(Warned(text))
     if engine.result.not_reached:
         found.append(Warned(f"{engine.kind}: {engine.result.not_reached}"))
     if final.outside_domain:
-        p_unit, u_unit = actuation_unit(law.actuation_name), deformation_unit(law)
+        items = []
         entries = sorted(final.outside_domain, key=lambda e: -abs(e.excess))
-        items = [
-            f"module {e.module}: {e.variable} by {_unit_of(e.variable, p_unit, u_unit).text(e.excess, 3)}"
-            for e in entries[:LISTED]
-        ]
+        for e in entries[:LISTED]:  # actuations are named by their input, joint coordinates by their axis
+            actuated = e.variable.endswith(("_pa", "_n")) or e.variable == "actuation"
+            unit = actuation_unit(law.actuation_name) if actuated else deformation_unit(law)
+            items.append(f"module {e.module}: {e.variable} by {unit.text(e.excess, 3)}")
         places = f"{len(entries)} places" if len(entries) > 1 else "one place"
         sentence = f"{engine.kind} used the law outside its domain at {places}"
         found.append(Warned(sentence + rest_of_list(len(entries)) + ".", tuple(items)))
     return found
-
-
-def _unit_of(variable: str, actuation_unit: Unit, deformation_unit: Unit) -> Unit:
-    """Actuations are named by their input, joint coordinates by their axis."""
-    return actuation_unit if variable.endswith(("_pa", "_n")) or variable == "actuation" else deformation_unit
 
 
 def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:

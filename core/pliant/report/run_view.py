@@ -118,20 +118,24 @@ def history_levels(result: TaskResult, count: int) -> list[tuple[float, Array, A
 
 def law_of(design: DesignResult, actuation: Array, deformation: Array) -> Array:
     """τ (n,) of a design's law on its plotted axis, the other axes at rest."""
-    law = design.law
-    axis = main_axis(law, design.fem.axis if design.fem else "y")
-    u = np.zeros((len(actuation), len(law.axes)))
+    p, u, axis = _at_rest_otherwise(design, actuation, deformation)
+    return np.asarray(design.law.evaluate(p, u).tau[:, axis])
+
+
+def _at_rest_otherwise(
+    design: DesignResult, actuation: Array, deformation: Array
+) -> tuple[Array, Array, int]:
+    """Actuation (n,), deformation (n, a) and index of the plotted axis, where alone u is not zero."""
+    axis = main_axis(design.law, design.fem.axis if design.fem else "y")
+    u = np.zeros((len(actuation), len(design.law.axes)))
     u[:, axis] = deformation
-    return np.asarray(law.evaluate(np.asarray(actuation, float), u).tau[:, axis])
+    return np.asarray(actuation, float), u, axis
 
 
 def band_of(design: DesignResult, actuation: Array, deformation: Array) -> Array | None:
     """Half-width (n,) of the 90 % band on a design's plotted axis, the other axes at rest; None without an error."""
-    law = design.law
-    axis = main_axis(law, design.fem.axis if design.fem else "y")
-    u = np.zeros((len(actuation), len(law.axes)))
-    u[:, axis] = deformation
-    band = law.band(np.asarray(actuation, float), u)
+    p, u, axis = _at_rest_otherwise(design, actuation, deformation)
+    band = design.law.band(p, u)
     return None if band is None else np.asarray(band[:, axis])
 
 

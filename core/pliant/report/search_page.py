@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from pliant.report.figures.search_best import (
 )
 from pliant.report.figures.search_course import branch_strip, search_front, search_history
 from pliant.report.figures.stills import still_pictures
+from pliant.report.figures.style import Png
 from pliant.report.provenance import input_table
 from pliant.report.search_files import Drawing
 from pliant.report.search_view import Axis, SearchView, measure_words, price, spread_of
@@ -37,46 +38,91 @@ def search_drawn(read: SearchView, designs: Sequence[Drawing]) -> Drawn:
         f"{marks}; each bar is the range that was searched, ticks are whole numbers and choices. A mark at an end of "
         "its bar says that the range, not the physics, may have set it."
     )
+    took = "Wall times are those of the machine that searched; the counts are the same on every machine."
     return drawn(
         picture("search_answer", caption, search_answer(read)) or _history_picture(read),
-        _answer(read),
+        section("The answer", design_table(read), text=_how_found(read)),
         _history(read),
-        _parallel(read),
+        _pictured(read, search_parallel, PARALLEL),
         _designs(designs),
-        _slopes(read),
+        _pictured(read, search_slopes, SLOPES, _slope_table),
         _verified(read),
         robust_section(read),
-        _policy(read),
-        _front(read),
-        section(
-            "What it took",
-            _cost_table(read),
-            _cause_table(read),
-            text="Wall times are those of the machine that searched; the counts are the same on every machine.",
-        ),
+        _pictured(read, search_policy, POLICY),
+        _pictured(read, search_front, FRONT),
+        section("What it took", _cost_table(read), _cause_table(read), text=took),
         section("Inputs", input_table(read.study)),
     )
 
 
-def _answer(read: SearchView) -> Section | None:
-    """The best designs in numbers."""
+def _how_found(read: SearchView) -> str:
+    """How far the best designs may be believed."""
     if read.shape == "front":
-        how = (
+        return (
             "No design of the front is beaten by another in every objective; which one is wanted is not for a search "
             "to say."
         )
-    elif read.shape == "one":
-        how = "The best design is the best of those that were tried; nothing shows that no better one exists."
-    elif any(design.number < 0 for design in read.result.best):
-        how = (
+    if read.shape == "one":
+        return (
+            "The best design is the best of those that were tried; nothing shows that no better one exists."
+        )
+    if any(design.number < 0 for design in read.result.best):
+        return (
             "The optimizer recommends one design for each condition: the middle of what it has learned, which need not "
             "be the best single candidate that it tried."
         )
-    elif any(design.first for design in read.result.best):
-        how = "For each condition the best of the few designs that were tried again in it."
-    else:
-        how = "For each condition the best of the designs that were tried in it; a lucky trial may have made it so."
-    return section("The answer", design_table(read), text=how)
+    if any(design.first for design in read.result.best):
+        return "For each condition the best of the few designs that were tried again in it."
+    return (
+        "For each condition the best of the designs that were tried in it; a lucky trial may have made it so."
+    )
+
+
+# Sections of one picture: title, name of the picture, its caption, what it says and hides.
+PARALLEL = (
+    "All variables at once",
+    "search_parallel",
+    "Each line is a candidate, each row a variable, the last row {label}: dark lines are good, the best is orange. Of "
+    "many candidates the best tenth (at most 200) and an even choice of the rest are drawn.",
+    "Where dark lines meet in one place, good designs agree on that variable. Optimizers try most where they have "
+    "found something, so an empty stretch was not tried; it need not be bad.",
+)
+SLOPES = (
+    "What the objective is sensitive to",
+    "search_slopes",
+    "{title} about the best design (star), one variable changed at a time, the most influential first. Crosses: no "
+    "possible design, or it failed. An orange edge is a bound on which the design stands.",
+    "A steep curve asks for care in manufacture, a flat one leaves freedom. One variable at a time cannot show what "
+    "two of them do together.",
+)
+POLICY = (
+    "Which design for which condition",
+    "search_policy",
+    "Designs tried for each condition in the last quarter of the search: dots, 5 to 95 % as a thin line, the middle "
+    "half as a thick one. The star is the recommended design.",
+    "Conditions whose spreads part want different designs; a wide spread says that the variable matters little there, "
+    "or that the optimizer has not settled yet, and the picture cannot tell which.",
+)
+FRONT = (
+    "The front",
+    "search_front",
+    "Every candidate by its objectives; orange are designs that no other candidate beats in all of them.",
+    "The front is the best that was found: a longer search can only push it further.",
+)
+
+
+def _pictured(
+    read: SearchView,
+    draw: Callable[[SearchView], Png | None],
+    words: tuple[str, str, str, str],
+    table: Callable[[SearchView], Table | None] = lambda read: None,
+) -> Section | None:
+    """A section of one picture, and a table where there is the picture."""
+    title, name, caption, text = words
+    if (png := draw(read)) is None:
+        return None
+    caption = capital(caption.format(label=read.objective.label, title=read.objective.title))
+    return section(title, picture(name, caption, png), table(read), text=text)
 
 
 def _history(read: SearchView) -> Section | None:
@@ -109,20 +155,6 @@ def _history_picture(read: SearchView) -> Picture:
     return Picture("search_history", capital(caption), search_history(read))
 
 
-def _parallel(read: SearchView) -> Section | None:
-    """All candidates over all variables."""
-    caption = (
-        f"Each line is a candidate, each row a variable, the last row {read.objective.label}: dark lines are good, the "
-        "best is orange. Of many candidates the best tenth (at most 200) and an even choice of the rest are drawn."
-    )
-    text = (
-        "Where dark lines meet in one place, good designs agree on that variable. Optimizers try most where they have "
-        "found something, so an empty stretch was not tried; it need not be bad."
-    )
-    shown = picture("search_parallel", caption, search_parallel(read))
-    return section("All variables at once", shown, text=text)
-
-
 def _designs(designs: Sequence[Drawing]) -> Section | None:
     """The designs as they settle or grasp."""
     if not designs:
@@ -141,21 +173,6 @@ def _designs(designs: Sequence[Drawing]) -> Section | None:
     text = "Drawn from one run of each design with the search's laws; the check tells how far to trust them."
     every = picture("search_designs", caption, search_designs(designs))
     return section("The best designs", every, one, text=text)
-
-
-def _slopes(read: SearchView) -> Section | None:
-    """The objective about the best design."""
-    caption = (
-        f"{read.objective.title} about the best design (star), one variable changed at a time, the most influential "
-        "first. Crosses: no possible design, or it failed. An orange edge is a bound on which the design stands."
-    )
-    text = (
-        "A steep curve asks for care in manufacture, a flat one leaves freedom. One variable at a time cannot show "
-        "what two of them do together."
-    )
-    shown = picture("search_slopes", capital(caption), search_slopes(read))
-    table = _slope_table(read) if shown is not None else None
-    return section("What the objective is sensitive to", shown, table, text=text)
 
 
 def _verified(read: SearchView) -> Section | None:
@@ -197,29 +214,6 @@ def robust_section(read: SearchView) -> Section | None:
     return section(
         title, picture("search_robust", caption, search_robust(read)), robust_table(read), text=text
     )
-
-
-def _policy(read: SearchView) -> Section | None:
-    """Designs by condition."""
-    caption = (
-        "Designs tried for each condition in the last quarter of the search: dots, 5 to 95 % as a thin line, the "
-        "middle half as a thick one. The star is the recommended design."
-    )
-    text = (
-        "Conditions whose spreads part want different designs; a wide spread says that the variable matters little "
-        "there, or that the optimizer has not settled yet, and the picture cannot tell which."
-    )
-    shown = picture("search_policy", caption, search_policy(read))
-    return section("Which design for which condition", shown, text=text)
-
-
-def _front(read: SearchView) -> Section | None:
-    """Several objectives."""
-    caption = (
-        "Every candidate by its objectives; orange are designs that no other candidate beats in all of them."
-    )
-    text = "The front is the best that was found: a longer search can only push it further."
-    return section("The front", picture("search_front", caption, search_front(read)), text=text)
 
 
 def design_table(read: SearchView) -> Table | None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pliant.formatting import deformation_unit, fixed, number, seconds, unit_of
 from pliant.pipeline.sweep import DesignOutcome, SweepRun
-from pliant.report.document import Column, Document, Table, as_json
+from pliant.report.document import Column, Document, Table, as_json, brief_table
 
 MOST_LINES = 100
 
@@ -19,10 +18,10 @@ DESIGNS: tuple[Column[DesignOutcome], ...] = (
     Column("status"),
     Column("cause"),
     Column("free_angle_rad", brief="free angle", text=lambda o: _free(o)),
-    Column("n_states", brief="states", text=lambda o: _states(o)),
+    Column("n_states", brief="states", text=lambda o: _if_done(o, f"{o.n_states}{_failed(o.n_failed)}")),
     Column("n_failed", "states_failed"),
     Column("self_contact"),
-    Column("wall_s", brief="time", text=lambda o: _time(o)),
+    Column("wall_s", brief="time", text=lambda o: _if_done(o, "stored" if o.cached else seconds(o.wall_s))),
     Column("cached"),
     Column("key"),
 )
@@ -30,18 +29,8 @@ DESIGNS: tuple[Column[DesignOutcome], ...] = (
 
 def sweep_document(run: SweepRun, title: str, table: Path) -> Document:
     """The document of `pliant fem` of a sweep; `table` holds its states."""
-    return Document(
-        kind="Pliant FEM sweep",
-        title=title,
-        sentence="",
-        data=_sweep_json(run, table),
-        brief=(_designs_table(run), *_missing_lines(run), *_grouped(run), _total(run)),
-    )
-
-
-def _sweep_json(run: SweepRun, table: Path) -> dict[str, Any]:
-    done = run.done()
-    return {
+    done, more = run.done(), len(run.outcomes) - MOST_LINES
+    data = {
         "n_states": sum(o.n_states for o in done),
         "failed": [{"design": o.design.number, **failure} for o in done for failure in o.failed],
         "self_contact": sum(o.self_contact for o in done),
@@ -55,25 +44,31 @@ def _sweep_json(run: SweepRun, table: Path) -> dict[str, Any]:
         "designs_failed": len(run.failed()),
         "designs": [as_json(DESIGNS, outcome) for outcome in run.outcomes],
     }
+    cut = [f"… and {more} more designs"] if more > 0 else []
+    lines = [*cut, *_grouped(run), _total(run)]
+    brief: tuple[Table | str, ...] = (_designs_table(run), *lines)
+    return Document(kind="Pliant FEM sweep", title=title, sentence="", data=data, brief=brief)
 
 
 def _designs_table(run: SweepRun) -> Table:
-    names = list(run.outcomes[0].design.changes)
-    first, *rest = [column for column in DESIGNS if column.brief]
-    rows = [
-        [
-            first.cell(o),
-            *(_value(name, o.design.changes[name]) for name in names),
-            *(column.cell(o) for column in rest),
-        ]
-        for o in run.outcomes[:MOST_LINES]
-    ]
-    return Table("", [first.brief, *(unit_of(name).axis for name in names), *(c.brief for c in rest)], rows)
+    """The terminal's columns, those of what was varied behind the number."""
+    number_, *rest = [column for column in DESIGNS if column.brief]
+
+    def varied(name: str) -> Column[DesignOutcome]:
+        return Column(
+            "design", "", brief=unit_of(name).axis, text=lambda o: _value(name, o.design.changes[name])
+        )
+
+    columns = (number_, *map(varied, run.outcomes[0].design.changes), *rest)
+    return brief_table(columns, run.outcomes[:MOST_LINES])
 
 
-def _missing_lines(run: SweepRun) -> list[str]:
-    more = len(run.outcomes) - MOST_LINES
-    return [f"… and {more} more designs"] if more > 0 else []
+def _if_done(outcome: DesignOutcome, text: str) -> str:
+    return text if outcome.status == "done" else ""
+
+
+def _failed(count: int) -> str:
+    return f" ({count} failed)" if count else ""
 
 
 def _free(outcome: DesignOutcome) -> str:
@@ -85,17 +80,6 @@ def _free(outcome: DesignOutcome) -> str:
     return unit.attached(
         fixed(unit.factor * outcome.free_angle_rad, 3 if outcome.joint == "prismatic" else 2)
     )
-
-
-def _states(outcome: DesignOutcome) -> str:
-    failed = f" ({outcome.n_failed} failed)" if outcome.n_failed else ""
-    return f"{outcome.n_states}{failed}" if outcome.status == "done" else ""
-
-
-def _time(outcome: DesignOutcome) -> str:
-    if outcome.status != "done":
-        return ""
-    return "stored" if outcome.cached else seconds(outcome.wall_s)
 
 
 def _value(name: str, value: Any) -> str:
@@ -113,15 +97,10 @@ def _grouped(run: SweepRun) -> list[str]:
             groups.setdefault(f"{outcome.status} {words}", []).append(outcome)
     text = []
     for group in sorted(groups.values(), key=len, reverse=True):
-        status = group[0].status.replace("_", " ")
-        numbers = _numbers([outcome.design.number for outcome in group])
-        text.append(f"{len(group)} {status} ({numbers}): {group[0].cause}")
+        shown = ", ".join(str(outcome.design.number) for outcome in group[:8])
+        numbers = f"design{'s' * (len(group) > 1)} {shown}{', …' if len(group) > 8 else ''}"
+        text.append(f"{len(group)} {group[0].status.replace('_', ' ')} ({numbers}): {group[0].cause}")
     return text
-
-
-def _numbers(numbers: Sequence[int]) -> str:
-    shown = ", ".join(map(str, numbers[:8]))
-    return f"design {shown}" if len(numbers) == 1 else f"designs {shown}{', …' if len(numbers) > 8 else ''}"
 
 
 def _total(run: SweepRun) -> str:
@@ -131,6 +110,6 @@ def _total(run: SweepRun) -> str:
     parts += [f"{stored} from the store"] if stored else []
     parts += [f"{len(run.refused())} refused by the family"] if run.refused() else []
     parts += [f"{len(run.failed())} FAILED"] if run.failed() else []
-    states, failed = sum(o.n_states for o in done), sum(o.n_failed for o in done)
-    parts.append(f"{states} states" + (f" ({failed} failed)" if failed else ""))
+    states = sum(o.n_states for o in done)
+    parts.append(f"{states} states{_failed(sum(o.n_failed for o in done))}")
     return f"sweep    {', '.join(parts)}, {seconds(run.wall_s)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from pliant.records.rollout import TaskResult
 from pliant.report.figures import style
 
 FLAT = 0.02  # of the curves' size: less than this out of the plane needs no second view
-NAMES = "xyz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +36,21 @@ class Line:
 def backbone_picture(result: TaskResult) -> style.Png | None:
     """Two views of a task's curves and, against a target, the distance along them; None for other tasks."""
     metrics = result.metrics
-    if "target_points_m" in metrics:
-        lines = _against_target(metrics)
+    apart = "target_points_m" in metrics
+    if apart:
+        backbone, target = (np.array(metrics[f"{name}_points_m"]) for name in ("backbone", "target"))
+        lines = [Line("backbone", backbone, backbone[::10], style.SERIES[0])]
+        lines.append(Line("target", target, target[::10], style.SERIES[1], dashed=True))
     elif "rings_m" in metrics and "backbone_points_m" in metrics:
-        lines = _under_loads(metrics)
+        loads = [display_unit("kg").text(load, 3) for load in metrics["loads_kg"]]
+        shades = style.pressure_map()(np.linspace(0.0, 1.0, len(loads)))
+        curves, rings = np.array(metrics["backbone_points_m"]), np.array(metrics["rings_m"])
+        lines = [Line(*one) for one in zip(loads, curves, rings, shades, strict=True)]
     else:
         return None
-    planes = _planes(np.concatenate([line.points_m for line in lines]))
-    apart = "target_points_m" in metrics
+    # world planes: x z and y z, as far as the curves have an extent
+    size = np.ptp(np.concatenate([line.points_m for line in lines]), axis=0)
+    planes = [(axis, 2) for axis in [k for k in (0, 1) if size[k] > FLAT * size.max()] or [0]]
     panels = [*(f"view{k}" for k in range(len(planes))), *(["apart"] if apart else [])]
     with style.canvas(620 * len(panels), 680, wspace=0.05) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels])
@@ -62,43 +68,17 @@ def caption(result: TaskResult) -> str:
     return "The chain settled under each load, at equal scales; dots are base, ends of segments and tip."
 
 
-def _under_loads(metrics: Mapping[str, Any]) -> list[Line]:
-    """One curve for each load."""
-    loads = metrics["loads_kg"]
-    shades = style.pressure_map()(np.linspace(0.0, 1.0, len(loads)))
-    rings, curves = np.array(metrics["rings_m"]), np.array(metrics["backbone_points_m"])
-    return [
-        Line(display_unit("kg").text(load, 3), curve, ring, shade)
-        for load, curve, ring, shade in zip(loads, curves, rings, shades, strict=True)
-    ]
-
-
-def _against_target(metrics: Mapping[str, Any]) -> list[Line]:
-    backbone, target = (np.array(metrics[f"{name}_points_m"]) for name in ("backbone", "target"))
-    return [
-        Line("backbone", backbone, backbone[::10], style.SERIES[0]),
-        Line("target", target, target[::10], style.SERIES[1], dashed=True),
-    ]
-
-
-def _planes(points: Array) -> list[tuple[int, int]]:
-    """World planes (horizontal, vertical) that show the curves: x z and y z, as far as they have an extent."""
-    size = np.ptp(points, axis=0)
-    seen = [axis for axis in (0, 1) if size[axis] > FLAT * size.max()]
-    return [(axis, 2) for axis in seen or [0]]
-
-
 def _draw(axes: Any, lines: Sequence[Line], plane: tuple[int, int], legend: bool) -> None:
     for line in lines:
-        x, y = 1e3 * line.points_m[:, plane].T
-        axes.plot(x, y, color=line.colour, label=line.label, lw=2.0, ls="--" if line.dashed else "-")
-        axes.plot(*(1e3 * line.marked_m[:, plane].T), "o", ms=4.5, color=line.colour)
+        dashes = "--" if line.dashed else "-"
+        axes.plot(*style.flat(line.points_m, plane), color=line.colour, label=line.label, lw=2.0, ls=dashes)
+        axes.plot(*style.flat(line.marked_m, plane), "o", ms=4.5, color=line.colour)
     if lines[-1].dashed:
-        for one, other in zip(lines[0].marked_m, lines[1].marked_m, strict=True):
-            axes.plot(*(1e3 * np.array([one, other])[:, plane].T), color=style.FAINT, lw=1.0, zorder=1)
+        for pair in zip(lines[0].marked_m, lines[1].marked_m, strict=True):
+            axes.plot(*style.flat(np.array(pair), plane), color=style.FAINT, lw=1.0, zorder=1)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    axes.set(xlabel=f"world {NAMES[plane[0]]} (mm)", ylabel=f"world {NAMES[plane[1]]} (mm)")
+    style.world_labels(axes, plane)
     if legend:
         axes.legend(loc="best")
         axes.set_title("Backbone and target" if lines[-1].dashed else "Settled under each load")
@@ -106,16 +86,12 @@ def _draw(axes: Any, lines: Sequence[Line], plane: tuple[int, int], legend: bool
 
 def _distances(axes: Any, backbone: Array, target: Array) -> None:
     apart = 1e3 * np.linalg.norm(backbone - target, axis=1)
-    share = np.linspace(0.0, 100.0, len(apart))
-    axes.plot(share, apart, color=style.SERIES[0])
+    axes.plot(np.linspace(0.0, 100.0, len(apart)), apart, color=style.SERIES[0])
     mean = float(np.sqrt(np.mean(apart**2)))
     axes.axhline(mean, color=style.SOFT, lw=1.0, ls=":")
     axes.set_ylim(bottom=0.0)
-    axes.set(
-        xlabel="share of the length (%)",
-        ylabel="distance (mm)",
-        title=f"Distance to the target, rms {mean:.3g} mm",
-    )
+    axes.set(xlabel="share of the length (%)", ylabel="distance (mm)")
+    axes.set_title(f"Distance to the target, rms {mean:.3g} mm")
 
 
 # Title, then horizontal and vertical world axis.
@@ -139,94 +115,66 @@ def backbone(run: StudyRun, path: Path) -> None:
     geometry = ChainGeometry.of(run.chain)
     settled = result.final.markers_m
     rest = geometry.markers(np.zeros_like(result.final.joint_angles)) + (settled[0] - geometry.base_position)
-    target = _target(result)
+    curve = result.metrics.get("target_points_m")
+    target = None if curve is None else np.array(curve, float)
     shown = [rest, settled] if target is None else [rest, settled, target]
     if result.rollout is not None:
         shown.extend(result.rollout.markers_m)
     points = np.concatenate(shown)
     middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.56 * float(np.ptp(points, axis=0).max())
     with style.canvas(1620, 620, pad=(0.08, 0.08)) as figure:
-        for axes, (title, i, j) in zip(figure.subplots(1, 3), VIEWS, strict=True):
+        for axes, (title, *plane) in zip(figure.subplots(1, 3), VIEWS, strict=True):
+            i, j = plane
             _draw_poses(axes, (i, j), rest, result, target)
             _draw_loads(axes, (i, j), run, settled[-1], half)
-            axes.set(
-                xlim=(1e3 * (middle[i] - half), 1e3 * (middle[i] + half)),
-                ylim=(1e3 * (middle[j] - half), 1e3 * (middle[j] + half)),
-                aspect="equal",
-                xlabel=f"world {NAMES[i]} (mm)",
-                ylabel=f"world {NAMES[j]} (mm)",
-                title=title,
-            )
+            axes.set(aspect="equal", title=title)
+            axes.set_xlim(1e3 * (middle[i] - half), 1e3 * (middle[i] + half))
+            axes.set_ylim(1e3 * (middle[j] - half), 1e3 * (middle[j] + half))
+            style.world_labels(axes, (i, j))
         figure.axes[0].legend(loc="best")
-        _save(figure, path)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+        os.close(handle)
+        partial = Path(name)
+        try:
+            figure.savefig(partial, format=path.suffix[1:].lower(), dpi=style.DPI)
+            partial.chmod(0o644)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def _draw_poses(
     axes: Any, plane: tuple[int, int], rest: Array, result: TaskResult, target: Array | None
 ) -> None:
-    axes.plot(*_flat(rest, plane), color=style.FAINT, lw=3, marker="o", ms=3, label="at rest")
+    def line(points: Array, **look: Any) -> None:
+        axes.plot(*style.flat(points, plane), **look)
+
+    line(rest, color=style.FAINT, lw=3, marker="o", ms=3, label="at rest")
     if target is not None:
-        axes.plot(*_flat(target, plane), color=style.SERIES[1], lw=2, ls="--", label="target")
-    if result.rollout is not None and len(result.rollout.markers_m) > 2:
-        on_way = np.unique(np.linspace(0, len(result.rollout.markers_m) - 1, LEVELS + 2).astype(int))[1:-1]
-        for number in on_way.tolist():
-            flat = _flat(result.rollout.markers_m[number], plane)
-            axes.plot(*flat, color=style.SERIES[0], alpha=0.3, lw=1.1)
+        line(target, color=style.SERIES[1], lw=2, ls="--", label="target")
+    steps = None if result.rollout is None else result.rollout.markers_m
+    if steps is not None and len(steps) > 2:
+        for number in np.unique(np.linspace(0, len(steps) - 1, LEVELS + 2).astype(int))[1:-1].tolist():
+            line(steps[number], color=style.SERIES[0], alpha=0.3, lw=1.1)
     settled = result.final.markers_m
-    axes.plot(*_flat(settled, plane), color=style.SERIES[0], lw=2.2, marker="o", ms=5, label="settled")
-    axes.plot(*_flat(settled[:1], plane), color=style.INK, marker="s", ms=9, ls="none")
+    line(settled, color=style.SERIES[0], lw=2.2, marker="o", ms=5, label="settled")
+    line(settled[:1], color=style.INK, marker="s", ms=9, ls="none")
 
 
 def _draw_loads(axes: Any, plane: tuple[int, int], run: StudyRun, tip: Array, half_m: float) -> None:
     """Arrows for the force at the tip and the weight that hangs there; those along the view have no length."""
-    for force, label in _loads(run):
+    task, chain = run.study.task, run.chain
+    assert chain is not None
+    payload = float(getattr(task, "payload_kg", None) or chain.payload_kg)
+    stated = getattr(task, "tip_force_n", None)
+    loads = [(np.array([0.0, 0.0, -payload * G_M_S2]), f"{1e3 * payload:g} g")] if payload else []
+    if stated is not None and np.any(stated):
+        loads.append((np.array(stated, float), f"{np.linalg.norm(stated):.3g} N"))
+    for force, label in loads:
         direction = 2e3 * ARROW * half_m * force[list(plane)] / np.linalg.norm(force)
         if np.linalg.norm(direction) < 1e-3 * 1e3 * half_m:
             continue
         start = 1e3 * tip[list(plane)]
         look = {"arrowstyle": "-|>", "color": style.WARN, "lw": 2.0}
         axes.annotate("", tuple(start + direction), tuple(start), arrowprops=look, zorder=8)
-        axes.annotate(
-            label,
-            tuple(start + direction),
-            (4, 4),
-            textcoords="offset points",
-            fontsize=8.5,
-            color=style.WARN,
-        )
-
-
-def _loads(run: StudyRun) -> list[tuple[Array, str]]:
-    """(force in N, words) of the study's chain and task."""
-    task, chain = run.study.task, run.chain
-    assert chain is not None
-    payload = float(getattr(task, "payload_kg", None) or chain.payload_kg)
-    force = getattr(task, "tip_force_n", None)
-    found: list[tuple[Array, str]] = []
-    if payload:
-        found.append((np.array([0.0, 0.0, -payload * G_M_S2]), f"{1e3 * payload:g} g"))
-    if force is not None and np.any(force):
-        found.append((np.array(force, float), f"{np.linalg.norm(force):.3g} N"))
-    return found
-
-
-def _target(result: TaskResult) -> Array | None:
-    """The curve to follow, where the task has one."""
-    points = result.metrics.get("target_points_m")
-    return None if points is None else np.array(points, float)
-
-
-def _flat(points: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
-    return 1e3 * points[:, plane[0]], 1e3 * points[:, plane[1]]
-
-
-def _save(figure: Any, path: Path) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-    os.close(handle)
-    partial = Path(name)
-    try:
-        figure.savefig(partial, format=path.suffix[1:].lower(), dpi=style.DPI)
-        partial.chmod(0o644)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+        style.note(axes, label, tuple(start + direction), (4, 4), color=style.WARN)

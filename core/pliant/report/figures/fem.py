@@ -192,41 +192,29 @@ def _history(axes: Any, data: ModuleData, name: str) -> None:
     """Each new state against its prediction; the stated error at the end."""
     record = axis_record(data, name)
     tests, wanted = record["tests"], 100 * float(record["error"])
-    numbers = np.arange(1, len(tests) + 1)
-    misses = 100 * np.maximum([t["miss"] for t in tests], SMALLEST_MISS)
-    spread = 100 * np.maximum([t["deviation"] for t in tests], SMALLEST_MISS)
-    axes.semilogy(
-        numbers,
-        spread,
-        color=style.SOFT,
-        lw=1.1,
-        ls="--",
-        label="deviation of the process where it was largest",
+    numbers, last = np.arange(1, len(tests) + 1), len(tests) + 0.6
+    spread, misses = (
+        100 * np.maximum([t[key] for t in tests], SMALLEST_MISS) for key in ("deviation", "miss")
     )
+    look = {"color": style.SOFT, "lw": 1.1, "ls": "--"}
+    axes.semilogy(numbers, spread, label="deviation of the process where it was largest", **look)
     axes.semilogy(numbers, misses, "o-", color=style.SERIES[0], ms=5, lw=1.0, label="miss of the prediction")
     axes.axhline(wanted, color=style.SERIES[2], lw=1.4, label=f"wanted: {percent(wanted / 100)}")
-    stated = record.get("stated_error")
-    if stated is not None:
-        axes.semilogy(
-            [len(tests) + 0.6], [100 * float(stated)], "s", color=style.SERIES[1], ms=7,
-            label=f"stated at the end: {percent(float(stated))}",
-        )  # fmt: skip
-    check = record.get("check_error")
-    if check is not None:
-        axes.semilogy(
-            [len(tests) + 0.6], [max(100 * float(check), 100 * SMALLEST_MISS)], "D", mfc="white", mec=style.SERIES[3],
-            ms=7, mew=1.4, label=f"largest error at check states: {percent(float(check))}",
-        )  # fmt: skip
+    if (stated := record.get("stated_error")) is not None:
+        label = f"stated at the end: {percent(float(stated))}"
+        axes.semilogy([last], [100 * float(stated)], "s", color=style.SERIES[1], ms=7, label=label)
+    if (check := record.get("check_error")) is not None:
+        look = {"mfc": "white", "mec": style.SERIES[3], "ms": 7, "mew": 1.4}
+        label = f"largest error at check states: {percent(float(check))}"
+        axes.semilogy([last], [max(100 * float(check), 100 * SMALLEST_MISS)], "D", label=label, **look)
     axes.set_xlim(0.4, len(tests) + 0.95)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
-    axes.set(
-        xlabel="state chosen, in order",
-        ylabel="% of the effort's range",
-        title=f"Misses of each new state, axis {name}" if len(data.axes) > 1 else "Misses of each new state",
-    )
+    of_axis = f", axis {name}" if len(data.axes) > 1 else ""
+    axes.set(xlabel="state chosen, in order", ylabel="% of the effort's range")
+    axes.set_title(f"Misses of each new state{of_axis}")
     axes.legend(loc="upper right")
 
 
@@ -239,8 +227,13 @@ def cost_picture(data: ModuleData) -> style.Png:
     place = np.arange(1, int(rows.sum()) + 1)
     with style.canvas(1560, 520, pad=(0.09, 0.06)) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        _bars(above, place, data.wall_s[rows], shades, "seconds")
-        _bars(below, place, data.iterations[rows], shades, "Newton steps")
+        for axes, heights, label in (
+            (above, data.wall_s, "seconds"),
+            (below, data.iterations, "Newton steps"),
+        ):
+            axes.bar(place, heights[rows], width=0.8, color=shades)
+            axes.set_ylabel(label)
+            axes.grid(False, axis="x")
         below.set_xlabel("state, in the order of solution")
         above.set(xlim=(0.2, len(place) + 0.8), title="Time and Newton steps of each state")
         if len(kinds) > 1:
@@ -248,9 +241,3 @@ def cost_picture(data: ModuleData) -> style.Png:
             handles = [Patch(color=colour[k], label=words.get(k, f"axis {k}")) for k in kinds]
             figure.legend(handles=handles, loc="outside right upper")
         return style.png(figure)
-
-
-def _bars(axes: Any, place: Any, heights: Any, shades: list[str], label: str) -> None:
-    axes.bar(place, heights, width=0.8, color=shades)
-    axes.set_ylabel(label)
-    axes.grid(False, axis="x")

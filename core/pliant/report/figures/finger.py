@@ -147,7 +147,6 @@ LEVELS = 4  # faint poses on the way to the full actuation
 FLAT = 0.02  # of the chain's size: less than this out of the plane needs no second view
 SHOWN_DECADES = 1e-5  # of the largest distance: smaller ones are rounding
 MARKS = ("o", "s", "^", "D", "v", "P")
-NAMES = "xyz"
 
 
 def chain_pose(run: FinishedRun) -> style.Png:
@@ -181,30 +180,21 @@ def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool
     """Rest pose in grey, levels on the way faint, then every engine's settled pose, in mm."""
     engines = ran(run)
     rest = rest_markers(run)
-    i, j = plane
     if rest is not None:
         line: dict[str, Any] = {"color": style.FAINT, "lw": 3.2, "zorder": 1, "solid_capstyle": "round"}
-        axes.plot(*_flat(rest, plane), label="at rest", marker="o", ms=3, **line)
+        axes.plot(*style.flat(rest, plane), label="at rest", marker="o", ms=3, **line)
     _levels(axes, run, engines[0], plane)
     for number, engine in enumerate(engines):
-        first = number == 0
-        look: dict[str, Any] = {"color": style.SERIES[number % 6], "marker": MARKS[number % 6]}
-        size = 8.5 - 2.6 * min(number, 2)
-        axes.plot(
-            *_flat(engine.markers_m, plane),
-            label=engine.kind,
-            lw=3.4 if first else 1.3,
-            ls="-" if first else (0, (4, 2 + 2 * number)),
-            ms=size,
-            mfc=look["color"] if first else "white",
-            mec=look["color"],
-            alpha=0.55 if first else 1.0,
-            zorder=5 + number,
-            **look,
-        )
+        colour = style.SERIES[number % 6]
+        look: dict[str, Any] = {"lw": 1.3, "ls": (0, (4, 2 + 2 * number)), "mfc": "white", "alpha": 1.0}
+        if number == 0:
+            look = {"lw": 3.4, "ls": "-", "mfc": colour, "alpha": 0.55}
+        look |= {"marker": MARKS[number % 6], "ms": 8.5 - 2.6 * min(number, 2), "mec": colour}
+        x, y = style.flat(engine.markers_m, plane)
+        axes.plot(x, y, label=engine.kind, color=colour, zorder=5 + number, **look)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)
-    axes.set(xlabel=f"world {NAMES[i]} (mm)", ylabel=f"world {NAMES[j]} (mm)")
+    style.world_labels(axes, plane)
     _annotate(axes, run, engines[0], plane)
     given = actuation(run)
     title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
@@ -219,29 +209,18 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
     worst = max(float(d.max()) for d in distances)
     floor = max(worst * SHOWN_DECADES, 1e-15)
     for number, (engine, distance) in enumerate(zip(engines, distances, strict=True)):
-        if number == 0:
-            continue
-        shown = 1e6 * np.where(distance > floor, distance, np.nan)
-        axes.plot(
-            shown,
-            color=style.SERIES[number % 6],
-            marker=MARKS[number % 6],
-            mfc="white",
-            ms=6,
-            label=engine.kind,
-        )
+        if number:
+            shown = 1e6 * np.where(distance > floor, distance, np.nan)
+            look = {"color": style.SERIES[number % 6], "marker": MARKS[number % 6], "mfc": "white", "ms": 6}
+            axes.plot(shown, label=engine.kind, **look)
     count = len(distances[0])
+    step = max(1, round((count - 2) / 8))
+    ticks = [0, *range(step, count - 1 - step // 2, step), count - 1]
     axes.set_yscale("log")
     axes.grid(True, which="major")
-    axes.set_xticks(
-        _ticks(count), labels=[{0: "base", count - 1: "tip"}.get(k, str(k)) for k in _ticks(count)]
-    )
-    axes.set(
-        xlim=(-0.4, count - 0.6),
-        ylabel="distance (µm)",
-        xlabel="marker (joint)",
-        title=f"Distance to {engines[0].kind}",
-    )
+    axes.set_xticks(ticks, labels=[{0: "base", count - 1: "tip"}.get(k, str(k)) for k in ticks])
+    axes.set(xlim=(-0.4, count - 0.6), ylabel="distance (µm)", xlabel="marker (joint)")
+    axes.set_title(f"Distance to {engines[0].kind}")
     if worst == 0:
         axes.text(0.5, 0.5, "identical", transform=axes.transAxes, ha="center")
         return
@@ -253,10 +232,10 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
 def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
     """Faint poses at lower levels; a level is labelled where its tip is clear of those labelled before."""
     unit = actuation_unit(run.designs[0].law.actuation_name)
-    labelled = [np.array([v[-1] for v in _flat(engine.markers_m, plane)])]
+    labelled = [np.array([v[-1] for v in style.flat(engine.markers_m, plane)])]
     clear = 0.06 * 1e3 * float(np.ptp(_all_points(run), axis=0).max())
     for value, _, markers in reversed(history_levels(engine.result, LEVELS)):
-        x, y = _flat(markers, plane)
+        x, y = style.flat(markers, plane)
         axes.plot(x, y, color=style.SERIES[0], alpha=0.28, lw=1.1, zorder=2)
         tip = np.array([x[-1], y[-1]])
         if min(float(np.linalg.norm(tip - other)) for other in labelled) < clear:
@@ -266,21 +245,16 @@ def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) ->
         out = out / max(float(np.linalg.norm(out)), 1e-9)
         if _beside(tip, engine, plane) < 0.5 * clear:  # a chain that only grows: the label stands beside it
             out = np.array([1.4, 0.0]) if abs(out[1]) > abs(out[0]) else np.array([0.0, 1.4])
-        axes.annotate(
-            unit.text(value, 3),
-            tuple(tip),
-            tuple(9 * out),
-            textcoords="offset points",
-            fontsize=7.5,
-            color=style.SOFT,
-            ha="left" if out[0] > 0.35 else ("right" if out[0] < -0.35 else "center"),
-            va="bottom" if out[1] > 0.35 else ("top" if out[1] < -0.35 else "center"),
+        across, up = (0 if abs(part) <= 0.35 else int(np.sign(part)) for part in out)
+        sides = {"ha": ("center", "left", "right")[across], "va": ("center", "bottom", "top")[up]}
+        style.note(
+            axes, unit.text(value, 3), tuple(tip), tuple(9 * out), fontsize=7.5, color=style.SOFT, **sides
         )
 
 
 def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
     """Distance of a point from the settled chain, mm."""
-    x, y = (np.asarray(c, float) for c in _flat(engine.markers_m, plane))
+    x, y = (np.asarray(c, float) for c in style.flat(engine.markers_m, plane))
     start, along = np.stack([x, y], axis=1)[:-1], np.diff(np.stack([x, y], axis=1), axis=0)
     length = np.maximum(np.sum(along**2, axis=1), 1e-12)
     part = np.clip(np.sum((tip - start) * along, axis=1) / length, 0, 1)
@@ -289,46 +263,22 @@ def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
 
 def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
     """Base, tip with its coordinates, payload, direction of gravity."""
-    x, y = _flat(engine.markers_m, plane)
+    x, y = style.flat(engine.markers_m, plane)
     axes.plot(x[0], y[0], marker="s", ms=11, color=style.INK, zorder=9)
+    if payload := payload_kg(run):
+        text = f"{display_unit('kg').text(payload, 3)} hung"
+        style.note(axes, text, (x[-1], y[-1]), (12, 0), ha="left", va="center")
     g = gravity(run)[list(plane)]
-    payload = payload_kg(run)
-    if payload:
-        axes.annotate(
-            f"{display_unit('kg').text(payload, 3)} hung",
-            (x[-1], y[-1]),
-            (12, 0),
-            textcoords="offset points",
-            ha="left",
-            va="center",
-            fontsize=8.5,
-        )
     if np.linalg.norm(g) > 0:
-        unit = g / np.linalg.norm(g)
         at = np.array([0.94, 0.19])
-        axes.annotate(
-            "",
-            tuple(at + 0.13 * unit),
-            tuple(at),
-            xycoords="axes fraction",
-            textcoords="axes fraction",
-            arrowprops={"arrowstyle": "-|>", "color": style.SOFT, "lw": 1.8},
-        )
-        axes.text(
-            *(at + [-0.02, 0.02]), "g", transform=axes.transAxes, style="italic", color=style.SOFT, ha="right"
-        )
+        place = {"xycoords": "axes fraction", "textcoords": "axes fraction"}
+        arrow = {"arrowstyle": "-|>", "color": style.SOFT, "lw": 1.8}
+        axes.annotate("", tuple(at + 0.13 * g / np.linalg.norm(g)), tuple(at), arrowprops=arrow, **place)
+        look = {"style": "italic", "color": style.SOFT, "ha": "right"}
+        axes.text(*(at + [-0.02, 0.02]), "g", transform=axes.transAxes, **look)
 
 
 def _all_points(run: FinishedRun) -> Array:
     rest = rest_markers(run)
     sets = [r.markers_m for r in ran(run)] + ([rest] if rest is not None else [])
     return np.concatenate(sets)
-
-
-def _flat(markers: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
-    return 1e3 * markers[:, plane[0]], 1e3 * markers[:, plane[1]]
-
-
-def _ticks(count: int) -> list[int]:
-    step = max(1, round((count - 2) / 8))
-    return [0, *range(step, count - 1 - step // 2, step), count - 1]

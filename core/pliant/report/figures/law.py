@@ -91,44 +91,33 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     data, fit = design.fem, design.fit
     assert data is not None
     scale = fit.effort_range if fit else float(np.ptp(data.moment_n_m)) or 1.0
-    form = study_form(design) if of_study else None
-    half = None
+    form, half = study_form(design) if of_study else None, None
     if form is not None:
         predicted = study_form_effort(form, data.actuation, data.angle_rad)
     else:
         predicted, half = _at_states(design, data)
     missed = 100 * (predicted - data.moment_n_m) / scale
     groups, u_unit = Groups.of(data), deformation_unit(design.law)
-    size = 4 if len(data) > MANY else 26
+    many, fitted, check = len(data) > MANY, groups.fit, groups.check
+    size, dot, kite = 4 if many else 26, style.SERIES[0], style.SERIES[1]
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     x = data.angle_rad * u_unit.factor
-    dot, kite = style.SERIES[0], style.SERIES[1]
-    axes.scatter(x[groups.fit], missed[groups.fit], size, color=dot, linewidths=0, zorder=3)
-    axes.scatter(
-        x[groups.check],
-        missed[groups.check],
-        1.3 * size,
-        marker="D",
-        facecolor="white",
-        edgecolor=kite,
-        linewidths=0.6 if len(data) > MANY else 1.2,
-        zorder=4,
-    )
-    largest = float(np.abs(missed[groups.fit | groups.check]).max(initial=0.0)) or 1.0
-    worst = largest
-    if half is not None and groups.check.any():
-        bars = 100 * half[groups.check] / scale
-        axes.errorbar(
-            x[groups.check], missed[groups.check], bars, fmt="none", ecolor=kite, elinewidth=1.0, alpha=0.55, zorder=2
-        )  # fmt: skip
-        largest = max(largest, float(np.max(np.abs(missed[groups.check]) + bars)))
+    axes.scatter(x[fitted], missed[fitted], size, color=dot, linewidths=0, zorder=3)
+    look = {"facecolor": "white", "edgecolor": kite, "linewidths": 0.6 if many else 1.2, "zorder": 4}
+    axes.scatter(x[check], missed[check], 1.3 * size, marker="D", **look)
+    worst = largest = float(np.abs(missed[fitted | check]).max(initial=0.0)) or 1.0
+    if half is not None and check.any():
+        bars = 100 * half[check] / scale
+        look = {"ecolor": kite, "elinewidth": 1.0, "alpha": 0.55, "zorder": 2}
+        axes.errorbar(x[check], missed[check], bars, fmt="none", **look)
+        largest = max(largest, float(np.max(np.abs(missed[check]) + bars)))
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
     axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
     axes.set(xlabel=f"{_symbol(design.law)} $u$ ({u_unit.symbol})", ylabel="% of effort range")
-    name = "Study's form − state" if of_study else "Law − state"
-    left_out = groups.check.any()
-    worst = float(np.abs(missed[groups.check]).max()) if left_out else worst
-    axes.set_title(f"{name}, worst {percent(worst / 100)}{' of those left out' if left_out else ''}")
+    name, of = "Study's form − state" if of_study else "Law − state", ""
+    if check.any():
+        worst, of = float(np.abs(missed[check]).max()), " of those left out"
+    axes.set_title(f"{name}, worst {percent(worst / 100)}{of}")
 
 
 def _at_states(design: DesignResult, data: FemDataset) -> tuple[Array, Array | None]:

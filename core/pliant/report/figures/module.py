@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from pliant.formatting import actuation_unit, deformation_unit, display_unit, fixed, stress_unit
@@ -128,10 +127,10 @@ def stretch_bar(
     orientation: Literal["vertical", "horizontal"] = "vertical",
 ) -> None:
     """The colour bar of the skin's stretch."""
-    mapped = ScalarMappable(Normalize(*limits), style.stretch_map())
-    bar = figure.colorbar(mapped, cax=axes, orientation=orientation)
-    bar.set_label("largest stretch of the skin")
-    bar.outline.set_visible(False)
+    place = {"cax": axes, "orientation": orientation}
+    style.colour_bar(
+        figure, (Normalize(*limits), style.stretch_map()), "largest stretch of the skin", **place
+    )
     axes.grid(False)
 
 
@@ -180,8 +179,7 @@ def stress_caption(data: FemDataset) -> str:
 
 def _bar(figure: Any, axes: Any, limit: float, largest: float) -> None:
     unit = stress_unit(limit)
-    mapped = ScalarMappable(Normalize(0.0, limit * unit.factor), style.stress_map())
-    bar = figure.colorbar(mapped, cax=axes, extend="max" if largest > limit else "neither")
-    bar.set_label(f"von Mises stress ({unit.symbol})")
-    bar.outline.set_visible(False)
+    mapped = (Normalize(0.0, limit * unit.factor), style.stress_map())
+    place = {"cax": axes, "extend": "max" if largest > limit else "neither"}
+    style.colour_bar(figure, mapped, f"von Mises stress ({unit.symbol})", **place)
     axes.grid(False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
 
 from pliant.formatting import number
@@ -25,44 +25,30 @@ MOST_MARKED = 8  # designs that get a colour and a mark of their own
 
 def search_answer(read: SearchView) -> style.Png | None:
     """Ranges as bars, the best designs as marks on them; None without a design."""
-    axes_of = [
-        a for a in read.axes if any(np.isfinite(a.place(read.value(d, a.name))) for d in read.result.best)
-    ]
-    if not axes_of:
+    best = read.result.best
+    shown = [a for a in read.axes if any(np.isfinite(a.place(read.value(d, a.name))) for d in best)]
+    if not shown:
         return None
-    several = len(read.result.best) > 1
-    with style.canvas(
-        ANSWER_PX, ANSWER_ROW_PX * len(axes_of) + 110 + 60 * several, pad=(0.08, 0.06)
-    ) as figure:
+    several = len(best) > 1
+    height = ANSWER_ROW_PX * len(shown) + 110 + 60 * several
+    with style.canvas(ANSWER_PX, height, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
-        for row, axis in enumerate(axes_of):
-            _searched_range(axes, axis, row)
-        for number, design in enumerate(read.result.best):
-            _marked_design(axes, axes_of, design, number, read, several)
-        axes.set_yticks(range(len(axes_of)), [textwrap.fill(a.title, LABEL_OF_ANSWER) for a in axes_of])
-        axes.set(ylim=(len(axes_of) - 0.45, -0.55), xlim=(-0.14, 1.14 if several else 1.24))
-        axes.set_xticks([])
-        axes.grid(visible=False)
-        axes.tick_params(axis="y", length=0)
-        for side in ("left", "bottom"):
-            axes.spines[side].set_visible(False)
-        axes.set_title(
-            "The best designs in what was searched" if several else "The best design in what was searched"
-        )
-        if several and len(read.result.best) <= MOST_MARKED:
-            figure.legend(loc="outside lower center", ncols=min(4, len(read.result.best)))
+        for row, axis in enumerate(shown):
+            axes.plot([0, 1], [row, row], color="#e3e7ee", lw=7, solid_capstyle="round", zorder=1)
+            for end, value, side in ((0, axis.low, "right"), (1, axis.high, "left")):
+                look = {"fontsize": 8, "color": style.SOFT, "va": "center", "ha": side}
+                style.note(axes, axis.tick(value), (end, row), (16 * end - 8, 0), **look)
+            if steps := discrete(axis):
+                look = {"color": style.SOFT, "ms": 7, "mew": 1.0, "zorder": 2}
+                axes.plot(axis.share(np.array(steps)), [row] * len(steps), "|", **look)
+        for number, design in enumerate(best):
+            _marked_design(axes, shown, design, number, read, several)
+        _rows(axes, [a.title for a in shown], LABEL_OF_ANSWER)
+        axes.set(ylim=(len(shown) - 0.45, -0.55), xlim=(-0.14, 1.14 if several else 1.24))
+        axes.set_title(f"The best design{'s' * several} in what was searched")
+        if several and len(best) <= MOST_MARKED:
+            figure.legend(loc="outside lower center", ncols=min(4, len(best)))
         return style.small_png(figure)
-
-
-def _searched_range(axes: Any, axis: Axis, row: int) -> None:
-    axes.plot([0, 1], [row, row], color="#e3e7ee", lw=7, solid_capstyle="round", zorder=1)
-    look: dict[str, Any] = {"fontsize": 8, "color": style.SOFT, "va": "center"}
-    axes.annotate(axis.tick(axis.low), (0, row), (-8, 0), textcoords="offset points", ha="right", **look)
-    axes.annotate(axis.tick(axis.high), (1, row), (8, 0), textcoords="offset points", ha="left", **look)
-    if steps := discrete(axis):
-        axes.plot(
-            axis.share(np.array(steps)), [row] * len(steps), "|", color=style.SOFT, ms=7, mew=1.0, zorder=2
-        )
 
 
 def _marked_design(
@@ -74,16 +60,13 @@ def _marked_design(
     colour = style.SERIES[number % 6] if own else style.SERIES[0]
     shift = 0.36 * (number / (count - 1) - 0.5) if several else 0.0
     places = [float(axis.share(axis.place(read.value(design, axis.name)))) for axis in axes_of]
-    rows = np.arange(len(axes_of)) + shift
     axes.plot(
-        places, rows, ls="", marker=MARKS[number % len(MARKS)] if own else "o",
+        places, np.arange(len(axes_of)) + shift, ls="", marker=MARKS[number % len(MARKS)] if own else "o",
         ms=(7 if own else 4.5) if several else 10,
         color=colour, mec="white", mew=0.8 if own else 0, alpha=1 if own else 0.5, zorder=4,
         label=read.design_names()[number],
     )  # fmt: skip
-    if several:
-        return
-    for row, axis in enumerate(axes_of):
+    for row, axis in enumerate(() if several else axes_of):
         text = axis.text(read.value(design, axis.name))
         axes.annotate(text, (1.09, row), va="center", fontsize=10, weight="bold", color=colour)
 
@@ -101,6 +84,8 @@ MOST_LINES = 400
 BEST_SHARE = 0.1
 WIDTH_PX, ROW_PX = 1560, 74
 LABEL_OF_PARALLEL = 32  # characters of a variable's name on one line
+SHADES = ["#e8ecf2", "#b9cde1", "#6fa8d3", "#0072B2", "#12305c"]
+PALE_TO_DARK = LinearSegmentedColormap.from_list("search", SHADES)  # the worst pale, the best dark blue
 JITTER = 0.03  # of the range: candidates with the same integer or choice lie beside one another
 
 
@@ -116,27 +101,28 @@ def search_parallel(read: SearchView) -> style.Png | None:
         levels = np.arange(len(places))
         order = np.arange(len(rows))[::-1]  # the best comes last, on top
         lines = [np.column_stack([[p[k] for p in places], levels]) for k in order]
-        colours = _map()(1 - scale.places(scores)[order])
+        colours = PALE_TO_DARK(1 - scale.places(scores)[order])
         widths = np.where(order < max(BEST_SHARE * len(rows), 1), 1.1, 0.7)
         axes.add_collection(LineCollection(lines, colors=colours, linewidths=widths, alpha=0.75, zorder=2))
         axes.plot([p[0] for p in places], levels, color=style.WARN, lw=2.4, marker="o", ms=5, zorder=5)
         for level, axis in enumerate(axes_of):
             _parallel_axis(axes, axis, level)
         scale.draw(axes, len(axes_of))
-        names = [
-            *(textwrap.fill(a.title, LABEL_OF_PARALLEL) for a in axes_of),
-            textwrap.fill(read.objective.title, LABEL_OF_PARALLEL),
-        ]
-        axes.set_yticks(levels, names)
+        _rows(axes, [*(a.title for a in axes_of), read.objective.title], LABEL_OF_PARALLEL)
         axes.get_yticklabels()[-1].set_fontweight("bold")
         axes.set(ylim=(len(places) - 0.5, -0.5), xlim=(-0.13, 1.13))
-        axes.set_xticks([])
-        axes.grid(visible=False)
-        axes.tick_params(axis="y", length=0)
-        for side in ("left", "bottom"):
-            axes.spines[side].set_visible(False)
         axes.set_title(f"{len(rows)} of {int(read.ok.sum())} evaluated candidates, the best in orange")
         return style.small_png(figure)
+
+
+def _rows(axes: Any, names: list[str], width: int) -> None:
+    """A name at each row, and nothing else around the panel."""
+    axes.set_yticks(range(len(names)), [textwrap.fill(name, width) for name in names])
+    axes.set_xticks([])
+    axes.grid(visible=False)
+    axes.tick_params(axis="y", length=0)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_visible(False)
 
 
 def thinned(order: NDArray[np.int64], most: int = MOST_LINES) -> NDArray[np.int64]:
@@ -171,19 +157,14 @@ class _Scale:
 
     def draw(self, axes: Any, level: int) -> None:
         """A coloured bar with a few values under it."""
-        strip = _map()(np.linspace(1, 0, 256))[None]
+        strip = PALE_TO_DARK(np.linspace(1, 0, 256))[None]
         axes.imshow(strip, extent=(0, 1, level + 0.2, level + 0.06), aspect="auto", zorder=3)
-        shares = np.linspace(0, 1, 5)
-        values = (
-            np.exp(np.log(self.best) + shares * (np.log(self.worst) - np.log(self.best)))
-            if self.log
-            else self.best + shares * (self.worst - self.best)
-        )
-        for share, value in zip(shares, values, strict=True):
-            axes.annotate(
-                number(float(value), 3), (share, level + 0.22), (0, -3), textcoords="offset points",
-                ha="center", va="top", fontsize=8.5,
-            )  # fmt: skip
+        for share in np.linspace(0, 1, 5):
+            if self.log:
+                value = np.exp(np.log(self.best) + share * (np.log(self.worst) - np.log(self.best)))
+            else:
+                value = self.best + share * (self.worst - self.best)
+            style.note(axes, number(float(value), 3), (share, level + 0.22), (0, -3), ha="center", va="top")
 
 
 def _places(axis: Axis, rows: NDArray[np.int64]) -> Array:
@@ -199,30 +180,18 @@ def _places(axis: Axis, rows: NDArray[np.int64]) -> Array:
 def _parallel_axis(axes: Any, axis: Axis, level: int) -> None:
     """Its line, its ends in human units, a tick at every choice or integer."""
     axes.plot([0, 1], [level, level], color=style.INK, lw=1.0, zorder=4, alpha=0.7)
-    box = {"boxstyle": "round,pad=0.12", "fc": "white", "ec": "none", "alpha": 0.75}
-    steps = discrete(axis, 13)
-    if steps:
-        axes.plot(
-            axis.share(np.array(steps)), [level] * len(steps), "|", ms=9, mew=1.3, color=style.INK, zorder=4
-        )
+    if steps := discrete(axis, 13):
+        shares = axis.share(np.array(steps))
+        axes.plot(shares, [level] * len(steps), "|", ms=9, mew=1.3, color=style.INK, zorder=4)
+        box = {"boxstyle": "round,pad=0.12", "fc": "white", "ec": "none", "alpha": 0.75}
         for step in steps:
-            axes.annotate(
-                textwrap.shorten(axis.tick(step), 18, placeholder="…"), (float(axis.share(step)), level), (0, 8),
-                textcoords="offset points", ha="center", fontsize=8, zorder=6, bbox=box,
-            )  # fmt: skip
+            text = textwrap.shorten(axis.tick(step), 18, placeholder="…")
+            look = {"ha": "center", "fontsize": 8, "zorder": 6, "bbox": box}
+            style.note(axes, text, (float(axis.share(step)), level), (0, 8), **look)
         return
     for end, value, side in ((0, axis.low, "right"), (1, axis.high, "left")):
-        axes.annotate(
-            axis.tick(value), (end, level), (-7 if end == 0 else 7, 0), textcoords="offset points", ha=side,
-            va="center", fontsize=8.5, color=style.INK,
-        )  # fmt: skip
-
-
-def _map() -> Colormap:
-    """Pale for the worst, dark blue for the best."""
-    return LinearSegmentedColormap.from_list(
-        "search", ["#e8ecf2", "#b9cde1", "#6fa8d3", "#0072B2", "#12305c"]
-    )
+        look = {"ha": side, "va": "center", "color": style.INK}
+        style.note(axes, axis.tick(value), (end, level), (14 * end - 7, 0), **look)
 
 
 LAST = 0.25  # of the search
@@ -239,14 +208,12 @@ def search_policy(read: SearchView) -> style.Png | None:
     columns = min(COLUMNS, len(axes_of))
     rows, count = -(-len(axes_of) // columns), len(read.result.conditions)
     with style.canvas(480 * columns + 240, rows * (42 * count + 130) + 20, pad=(0.07, 0.07)) as figure:
-        grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
-        for axes, axis in zip(grid, axes_of, strict=False):
+        panels = style.panels(figure, len(axes_of), columns, sharey=True)
+        for axes, axis in zip(panels, axes_of, strict=True):
             _condition_panel(axes, read, axis)
-        for axes in grid[len(axes_of) :]:
-            axes.set_axis_off()
-        for axes in grid[::columns]:
+        for axes in panels[::columns]:
             axes.set_yticks(range(count), [textwrap.fill(n, LABEL_OF_POLICY) for n in read.result.conditions])
-        grid[0].set_ylim(count - 0.4, -0.6)
+        panels[0].set_ylim(count - 0.4, -0.6)
         return style.small_png(figure)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pliant.formatting import number
 from pliant.records.design import Array
-from pliant.records.search import Slope
+from pliant.records.search import FoundDesign, Slope
 from pliant.report.figures import style
 from pliant.report.figures.stills import SIDE, TOP, draw_still, outline
 from pliant.report.figures.success_shares import Series, success_shares
@@ -26,29 +26,29 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
     shown = drawn[:MOST]
     if not shown:
         return None
-    scenes = all(d.result.stills for d in shown)
-    points = np.concatenate([_points(d) for d in shown])
-    size = np.ptp(points, axis=0)
+    sets = [[one.result.final.markers_m, one.rest_m, _curve(one, "target_points_m")] for one in shown]
+    for one, points in zip(shown, sets, strict=True):
+        if one.result.stills:
+            still = one.result.stills[-1]
+            points[:] = [outline(s) for group in (*still.arms, *still.objects) for s in group]
+    inside = np.concatenate([np.asarray(s) for of_one in sets for s in of_one if s is not None])
+    size, low, high = np.ptp(inside, axis=0), inside.min(axis=0), inside.max(axis=0)
     planes = [p for p in (SIDE, (1, 2)) if size[p[0]] > FLAT * size.max()] or [SIDE]
-    planes = [SIDE, TOP] if scenes else planes
-    low, high = points.min(axis=0), points.max(axis=0)
+    planes = [SIDE, TOP] if all(d.result.stills for d in shown) else planes
     pad = 0.06 * float(size.max())
     width = 430 if len(shown) > 1 else 620
     with style.canvas(max(width * len(shown) + 90, 700), 500 * len(planes) + 60, pad=(0.06, 0.06)) as figure:
         grid = figure.subplots(len(planes), len(shown), squeeze=False, sharey="row", sharex="row")
-        for column, one in enumerate(shown):
-            for row, plane in enumerate(planes):
-                axes = grid[row, column]
-                _draw(axes, one, plane)
-                axes.set(
-                    aspect="equal",
-                    xlim=(1e3 * (low[plane[0]] - pad), 1e3 * (high[plane[0]] + pad)),
-                    ylim=(1e3 * (low[plane[1]] - pad), 1e3 * (high[plane[1]] + pad)),
-                    xlabel=f"world {'xyz'[plane[0]]} (mm)",
-                )
-                if column == 0:
-                    axes.set_ylabel(f"world {'xyz'[plane[1]]} (mm)")
-            grid[0, column].set_title(textwrap.fill(one.label, 26))
+        for (row, column), axes in np.ndenumerate(grid):
+            i, j = planes[row]
+            _draw(axes, shown[column], planes[row])
+            axes.set(aspect="equal", xlabel=f"world {'xyz'[i]} (mm)")
+            axes.set_xlim(1e3 * (low[i] - pad), 1e3 * (high[i] + pad))
+            axes.set_ylim(1e3 * (low[j] - pad), 1e3 * (high[j] + pad))
+            if column == 0:
+                axes.set_ylabel(f"world {'xyz'[j]} (mm)")
+            if row == 0:
+                axes.set_title(textwrap.fill(shown[column].label, 26))
         handles = grid[0, 0].get_legend_handles_labels()
         if handles[0]:
             figure.legend(*handles, loc="outside lower center", ncols=4)
@@ -59,43 +59,26 @@ def _draw(axes: Any, one: Drawing, plane: tuple[int, int]) -> None:
     if one.result.stills:
         draw_still(axes, one.result.stills[-1], plane)
         return
+
+    def line(points: Array, *marks: str, **look: Any) -> None:
+        axes.plot(*(1e3 * points[:, plane].T), *marks, **look)
+
     if one.rest_m is not None:
-        axes.plot(*_flat(one.rest_m, plane), color=style.FAINT, lw=3, label="at rest")
+        line(one.rest_m, color=style.FAINT, lw=3, label="at rest")
     if (target := _curve(one, "target_points_m")) is not None:
-        axes.plot(*_flat(target, plane), color=style.SERIES[1], lw=2, ls="--", label="target")
-    line = _curve(one, "backbone_points_m")
-    if line is not None and line.ndim == 2:
-        axes.plot(*_flat(line, plane), color=style.SERIES[0], lw=2.2, label="settled")
-        axes.plot(
-            *_flat(one.result.final.markers_m[1:-1], plane),
-            "o",
-            ms=3.5,
-            color=style.SERIES[0],
-            label="joints",
-        )
+        line(target, color=style.SERIES[1], lw=2, ls="--", label="target")
+    markers, backbone = one.result.final.markers_m, _curve(one, "backbone_points_m")
+    if backbone is not None and backbone.ndim == 2:
+        line(backbone, color=style.SERIES[0], lw=2.2, label="settled")
+        line(markers[1:-1], "o", ms=3.5, color=style.SERIES[0], label="joints")
     else:
-        axes.plot(
-            *_flat(one.result.final.markers_m, plane), "o-", ms=4, color=style.SERIES[0], label="settled"
-        )
-    axes.plot(*_flat(one.result.final.markers_m[:1], plane), "s", ms=9, color=style.INK)
-
-
-def _points(one: Drawing) -> Array:
-    """(n, 3) everything that must be inside the picture."""
-    if one.result.stills:
-        still = one.result.stills[-1]
-        return np.concatenate([outline(s) for group in (*still.arms, *still.objects) for s in group])
-    sets = [one.result.final.markers_m, one.rest_m, _curve(one, "target_points_m")]
-    return np.concatenate([np.asarray(s) for s in sets if s is not None])
+        line(markers, "o-", ms=4, color=style.SERIES[0], label="settled")
+    line(markers[:1], "s", ms=9, color=style.INK)
 
 
 def _curve(one: Drawing, name: str) -> Array | None:
     points = one.result.metrics.get(name)
     return None if points is None else np.array(points, float)
-
-
-def _flat(points: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
-    return 1e3 * points[:, plane[0]], 1e3 * points[:, plane[1]]
 
 
 COLUMNS, PANEL_PX = 4, 390
@@ -110,40 +93,33 @@ def search_slopes(read: SearchView) -> style.Png | None:
     columns = min(COLUMNS, len(slopes))
     rows = -(-len(slopes) // columns)
     with style.canvas(max(PANEL_PX * columns + 60, 820), 330 * rows + 20, pad=(0.06, 0.07)) as figure:
-        grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+        panels = style.panels(figure, len(slopes), columns, sharey=True)
         axes_of = {axis.name: axis for axis in read.axes}
-        for axes, slope in zip(grid, slopes, strict=False):
-            _slope_panel(axes, read, slope, axes_of[slope.name])
-        for axes in grid[len(slopes) :]:
-            axes.set_axis_off()
-        for row in range(rows):
-            grid[row * columns].set_ylabel(textwrap.fill(read.objective.title, 22))
+        for axes, slope in zip(panels, slopes, strict=True):
+            _slope_panel(axes, read, best, slope, axes_of[slope.name])
+        for axes in panels[::columns]:
+            axes.set_ylabel(textwrap.fill(read.objective.title, 22))
         return style.small_png(figure)
 
 
-def _slope_panel(axes: Any, read: SearchView, slope: Slope, axis: Axis) -> None:
+def _slope_panel(axes: Any, read: SearchView, best: FoundDesign, slope: Slope, axis: Axis) -> None:
     shares, objective = np.asarray(slope.shares, float), read.objective.stated(slope.objective)
     x = shares if axis.choices else axis.low + shares * (axis.high - axis.low)
     good = np.isfinite(objective)
     line = "" if axis.choices else "-"
     axes.plot(x[good], objective[good], ls=line, marker="o", ms=3.5, color=style.SERIES[0], lw=1.5)
     if (~good).any():
-        axes.plot(
-            x[~good], np.full((~good).sum(), 0.96), "x", ms=5, mew=1.4, color=style.SERIES[1], clip_on=False,
-            transform=axes.get_xaxis_transform(),
-        )  # fmt: skip
-    assert read.best is not None
-    at = axis.place(read.best.values.get(axis.name))
-    value = float(read.best.objectives[read.objective.name]) * read.objective.unit.factor
+        look = {"color": style.SERIES[1], "clip_on": False, "transform": axes.get_xaxis_transform()}
+        axes.plot(x[~good], np.full((~good).sum(), 0.96), "x", ms=5, mew=1.4, **look)
+    at = axis.place(best.values.get(axis.name))
+    value = float(best.objectives[read.objective.name]) * read.objective.unit.factor
     axes.plot([at], [value], "*", ms=13, color=style.WARN, mec="white", zorder=6, clip_on=False)
     if slope.at_bound:
-        edge = axis.low if slope.at_bound == "low" else axis.high
+        edge, shift, side = {"low": (axis.low, 6, "left"), "high": (axis.high, -6, "right")}[slope.at_bound]
         axes.axvline(edge, color=style.WARN, lw=3.5, zorder=1, clip_on=False)
-        side = {"low": (6, "left"), "high": (-6, "right")}[slope.at_bound]
-        axes.annotate(
-            "at its bound", (edge, 0.9), (side[0], 0), xycoords=("data", "axes fraction"), textcoords="offset points",
-            ha=side[1], fontsize=8, color=style.WARN, bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"},
-        )  # fmt: skip
+        look = {"color": style.WARN, "bbox": {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"}}
+        place = {"xycoords": ("data", "axes fraction"), "ha": side, "fontsize": 8}
+        style.note(axes, "at its bound", (edge, 0.9), (shift, 0), **place, **look)
     pad = 0.05 * (axis.high - axis.low)
     axes.set_xlim(axis.low - pad, axis.high + pad)
     if axis.choices:
@@ -153,11 +129,8 @@ def _slope_panel(axes: Any, read: SearchView, slope: Slope, axis: Axis) -> None:
         axes.locator_params(axis="x", nbins=4, integer=axis.type == "integer")
     axes.set_title(textwrap.fill(axis.title, LABEL), fontsize=9)
     if np.isfinite(slope.change):
-        change = abs(slope.change) * read.objective.unit.factor
-        axes.set_xlabel(
-            f"{number(change, 2)} {read.objective.unit.symbol}".strip() + " for 1 % of the range",
-            fontsize=8,
-        )
+        change = f"{number(abs(slope.change) * read.objective.unit.factor, 2)} {read.objective.unit.symbol}"
+        axes.set_xlabel(f"{change.strip()} for 1 % of the range", fontsize=8)
 
 
 LOOKS = {"nominal": style.SERIES[1], "robust": style.SERIES[0]}
@@ -168,7 +141,13 @@ def search_robust(read: SearchView) -> style.Png | None:
     found = read.result.robustness
     if found is None or not found.spread:
         return None
-    factor = read.objective.unit.factor
+    factor, known = (
+        read.objective.unit.factor,
+        {
+            "nominal": (found.nominal_of_nominal, found.robust_of_nominal),
+            "robust": (found.nominal_of_robust, found.robust_of_robust),
+        },
+    )
     with style.canvas(1500, 580, pad=(0.09, 0.06)) as figure:
         left, right = figure.subplots(1, 2)
         for row, (name, values) in enumerate(found.spread.items()):
@@ -177,27 +156,20 @@ def search_robust(read: SearchView) -> style.Png | None:
                 continue
             colour = LOOKS.get(name, style.SERIES[2])
             share = 100 * np.arange(1, len(shown) + 1) / len(shown)
-            left.step(
-                [shown[0], *shown],
-                [0, *share],
-                where="post",
-                color=colour,
-                lw=4 - 2 * row,
-                label=f"{name} design",
-            )
-            _strip(right, shown, row, colour)
-            nominal, measured = {
-                "nominal": (found.nominal_of_nominal, found.robust_of_nominal),
-                "robust": (found.nominal_of_robust, found.robust_of_robust),
-            }.get(name, (np.nan, np.nan))
-            look: dict[str, Any] = {"zorder": 6, "ls": "", "clip_on": False}
-            right.plot(factor * nominal, row - 0.3, marker="v", ms=10, color=colour, **look,
-                       label="without any deviation" if row == 0 else None)  # fmt: skip
-            right.plot(factor * measured, row + 0.3, marker="^", ms=10, color=style.INK, **look,
-                       label=measure_words(found) if row == 0 else None)  # fmt: skip
-        left.set(ylim=(0, 103), ylabel="scenarios up to here (%)")
+            look: dict[str, Any] = {"color": colour, "lw": 4 - 2 * row, "label": f"{name} design"}
+            left.step([shown[0], *shown], [0, *share], where="post", **look)
+            spread = np.random.default_rng(row).uniform(-0.16, 0.16, len(shown))
+            right.scatter(shown, row + spread, 22, color=colour, lw=0, alpha=0.6)
+            right.plot([np.median(shown)] * 2, [row - 0.22, row + 0.22], color=colour, lw=2.5)
+            nominal, measured = known.get(name, (np.nan, np.nan))
+            marks = (nominal, -0.3, "v", colour, "without any deviation"), (
+                measured, 0.3, "^", style.INK, measure_words(found),
+            )  # fmt: skip
+            for value, shift, marker, shade, label in marks:
+                look = {"ms": 10, "color": shade, "zorder": 6, "ls": "", "clip_on": False}
+                right.plot(factor * value, row + shift, marker=marker, label=None if row else label, **look)
+        left.set(ylim=(0, 103), ylabel="scenarios up to here (%)", title="Share of the scenarios")
         left.legend(loc="best")
-        left.set_title("Share of the scenarios")
         right.set_yticks(range(len(found.spread)), [f"{name}\ndesign" for name in found.spread])
         right.set(ylim=(len(found.spread) - 0.45, -0.55), title=f"Each of {found.samples} scenarios")
         for axes in (left, right):
@@ -206,59 +178,34 @@ def search_robust(read: SearchView) -> style.Png | None:
         return style.png(figure)
 
 
-def _strip(axes: Any, shown: Any, row: int, colour: str) -> None:
-    spread = np.random.default_rng(row).uniform(-0.16, 0.16, len(shown))
-    axes.scatter(shown, row + spread, 22, color=colour, lw=0, alpha=0.6)
-    axes.plot([np.median(shown)] * 2, [row - 0.22, row + 0.22], color=colour, lw=2.5)
-
-
 MOST_METRICS = 4  # metrics that get a panel
 
 
 def search_verified(read: SearchView) -> style.Png | None:
     """A panel per metric, a row per engine; None where nothing was verified."""
     found = read.result.verification
-    if found is None:
-        return None
     names = read.checked_metrics()[:MOST_METRICS]
-    engines = [e for e in found.verified if e in found.predicted]
-    if not names or not engines:
+    engines = [e for e in found.verified if e in found.predicted] if found is not None else []
+    if found is None or not names or not engines:
         return None
     with style.canvas(max(430 * len(names), 900), 130 + 90 * len(engines) + 60, pad=(0.08, 0.06)) as figure:
-        for axes, name in zip(
-            figure.subplots(1, len(names), squeeze=False, sharey=True)[0], names, strict=True
-        ):
+        panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+        for axes, name in zip(panels, names, strict=True):
             label, unit = read.metric(name)
             for row, engine in enumerate(engines):
-                pair = [
-                    float(side[engine].get(name, float("nan"))) * unit.factor
-                    for side in (found.predicted, found.verified)
-                ]
+                both = (found.predicted[engine], found.verified[engine])
+                pair = [float(side.get(name, np.nan)) * unit.factor for side in both]
                 axes.plot(pair, [row, row], color=style.FAINT, lw=3, zorder=1)
                 first = row == 0 and name == names[0]
-                axes.plot(
-                    pair[0],
-                    row,
-                    "o",
-                    ms=9,
-                    mfc="white",
-                    mew=1.8,
-                    color=style.SERIES[0],
-                    label="predicted" if first else None,
-                )
-                axes.plot(
-                    pair[1],
-                    row,
-                    "D",
-                    ms=8,
-                    color=style.WARN,
-                    label=("verified by direct FEM" if found.laws else "simulated again") if first else None,
-                )
+                how = "verified by direct FEM" if found.laws else "simulated again"
+                open_ = {"mfc": "white", "mew": 1.8, "label": "predicted" if first else None}
+                axes.plot(pair[0], row, "o", ms=9, color=style.SERIES[0], **open_)
+                axes.plot(pair[1], row, "D", ms=8, color=style.WARN, label=how if first else None)
             axes.set_yticks(range(len(engines)), engines)
             axes.set_ylim(len(engines) - 0.5, -0.5)
             axes.margins(x=0.25)
             axes.locator_params(axis="x", nbins=4)
-            axes.set_title(textwrap.fill(f"{label} ({unit.symbol})" if unit.symbol else label, 28))
+            axes.set_title(textwrap.fill(style.with_unit(label, unit), 28))
         figure.legend(loc="outside lower center", ncols=2)
         return style.png(figure)
 

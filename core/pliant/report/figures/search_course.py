@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgba
-from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.search import STATUSES
@@ -26,7 +25,11 @@ CAUSES = (("refused", style.SERIES[4]), ("failed", style.SERIES[1]), ("not_a_num
 def search_history(read: SearchView) -> style.Png:
     """Candidates against their number, failures at the rim, best so far; with contexts a moving median."""
     scores, branches = read.scores(), len(read.result.branches)
-    x: Array = _within(read) if branches > 1 else np.arange(1.0, len(scores) + 1)
+    x: Array = np.arange(1.0, len(scores) + 1)
+    if branches > 1:  # the number within its own branch
+        branch = np.asarray(read.result.history.branch)
+        for k in np.unique(branch):
+            x[branch == k] = np.arange(1, (branch == k).sum() + 1)
     with style.canvas(WIDTH_PX, HEIGHT_PX, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
         _limits(axes, read, scores)
@@ -47,48 +50,39 @@ def search_history(read: SearchView) -> style.Png:
 
 
 def branch_strip(read: SearchView) -> style.Png | None:
-    """The best of every branch, sorted; None for one branch, or where none has a design."""
+    """The best of every branch, sorted, a few with their names; None for one branch, or where none has a design."""
     found = read.best_of_branches()
     if len(read.result.branches) < 2 or not found:
         return None
     names, scores = read.branch_names(), read.scores()
     values = np.array([scores[row] for _, row in found])
     labels = [names[branch] for branch, _ in found]
-    few = len(found) <= NAMED
-    with style.canvas(
-        WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560, pad=(0.08, 0.06)
-    ) as figure:
+    few, rank = len(found) <= NAMED, np.arange(len(found))
+    size = (1300, 40 * len(found) + 200) if few else (WIDTH_PX, 560)
+    with style.canvas(*size, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
-        (_named if few else _ranked)(axes, values, labels)
-        value = axes.xaxis if few else axes.yaxis
+        for count, colour, ms in (
+            (None, style.SERIES[0], 7 if few else 4.5),
+            (1, style.WARN, 10 if few else 9),
+        ):
+            pair = (values[:count], rank[:count]) if few else (rank[:count] + 1, values[:count])
+            axes.plot(*pair, "o", ms=ms, color=colour)
+        if few:
+            axes.set_yticks(rank, labels)
+            axes.set_ylim(len(values) - 0.5, -0.5)
+        else:
+            text = "\n".join(f"{k + 1}.  {label}" for k, label in enumerate(labels[:FIRST_NAMED]))
+            # the free corner lies on the side where the curve is far from the best
+            height, side = (0.95, "top") if values[-1] > values[0] else (0.05, "bottom")
+            look = {"xycoords": "axes fraction", "va": side, "fontsize": 9, "linespacing": 1.5}
+            axes.annotate(text, (0.02, height), **look)
+            axes.set(xlim=(0, len(values) + 1), xlabel="rank of the search")
         if log_suits(values):
             (axes.set_xscale if few else axes.set_yscale)("log")
-            style.log_labels(value)
+            style.log_labels(axes.xaxis if few else axes.yaxis)
         (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.title}")
         axes.set_title(f"Best of each of {len(found)} searches ({read.branch_title()})")
         return style.png(figure)
-
-
-def _named(axes: Any, values: Array, labels: list[str]) -> None:
-    rows = np.arange(len(values))
-    axes.plot(values, rows, "o", ms=7, color=style.SERIES[0])
-    axes.plot(values[:1], rows[:1], "o", ms=10, color=style.WARN)
-    axes.set_yticks(rows, labels)
-    axes.set_ylim(len(values) - 0.5, -0.5)
-
-
-def _ranked(axes: Any, values: Array, labels: list[str]) -> None:
-    """By rank; the first few are named beside a line to their dot, one below the other."""
-    rank = np.arange(1, len(values) + 1)
-    axes.plot(rank, values, "o", ms=4.5, color=style.SERIES[0])
-    axes.plot(rank[:1], values[:1], "o", ms=9, color=style.WARN)
-    text = "\n".join(f"{k + 1}.  {label}" for k, label in enumerate(labels[:FIRST_NAMED]))
-    upward = values[-1] > values[0]  # the free corner lies on the side where the curve is far from the best
-    axes.annotate(
-        text, (0.02, 0.95 if upward else 0.05), xycoords="axes fraction", va="top" if upward else "bottom", fontsize=9,
-        linespacing=1.5,
-    )  # fmt: skip
-    axes.set(xlim=(0, len(values) + 1), xlabel="rank of the search")
 
 
 def _limits(axes: Any, read: SearchView, scores: Array) -> None:
@@ -118,23 +112,15 @@ def shown_range(scores: Array, maximised: bool) -> tuple[float, float]:
 
 
 def _candidates(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
-    n = int(np.isfinite(scores).sum())
+    n, shown = int(np.isfinite(scores).sum()), np.clip(scores, *axes.get_ylim())
     size, alpha = (14, 0.8) if n < 500 else ((7, 0.5) if n < 6000 else (2.5, 0.25))
-    low, high = axes.get_ylim()
-    if read.contextual:
-        context = np.asarray(read.result.history.context)
-        for k in np.unique(context[context >= 0]).tolist():
-            mine = context == k
-            axes.scatter(
-                x[mine],
-                np.clip(scores[mine], low, high),
-                size,
-                color=style.SERIES[k % 6],
-                lw=0,
-                alpha=0.5 * alpha,
-            )
+    if not read.contextual:
+        axes.scatter(x, shown, size, color="#8fb3d0", lw=0, alpha=alpha, label="candidate")
         return
-    axes.scatter(x, np.clip(scores, low, high), size, color="#8fb3d0", lw=0, alpha=alpha, label="candidate")
+    context = np.asarray(read.result.history.context)
+    for k in np.unique(context[context >= 0]).tolist():
+        mine = context == k
+        axes.scatter(x[mine], shown[mine], size, color=style.SERIES[k % 6], lw=0, alpha=0.5 * alpha)
 
 
 def _best_so_far(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
@@ -184,46 +170,23 @@ def moving_median(x: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _rim(axes: Any, read: SearchView, x: Array) -> None:
-    """Candidates without an objective, as ticks at the upper rim: one row per status."""
+    """Candidates without an objective, at the upper rim, one row per status: ticks, or of many a strip of shades."""
     status = np.asarray(read.result.history.status)
-    row = 0
     kinds = [(name, colour, status == STATUSES.index(name)) for name, colour in CAUSES]
     kinds.append(("breaks a constraint on metrics", style.SOFT, read.broken))
-    for name, colour, mine in kinds:
-        if not mine.any():
-            continue
+    look = {"clip_on": False, "zorder": 5, "transform": axes.get_xaxis_transform()}
+    for row, (name, colour, mine) in enumerate(kind for kind in kinds if kind[2].any()):
         label, top = f"{name.replace('_', ' ')} ({int(mine.sum())})", 0.985 - 0.035 * row
-        if mine.sum() > MOST_TICKS:
-            _shaded(axes, x, mine, top, colour, label)
-        else:
+        if mine.sum() <= MOST_TICKS:
             axes.plot(
-                x[mine], np.full(mine.sum(), top), "|", ms=6, mew=0.9, color=colour, clip_on=False, zorder=5,
-                transform=axes.get_xaxis_transform(), label=label,
-            )  # fmt: skip
-        row += 1
-
-
-def _shaded(axes: Any, x: Array, mine: NDArray[np.bool_], top: float, colour: str, label: str) -> None:
-    """Too many for ticks: a strip as dark as their share among the candidates there."""
-    edges = np.linspace(float(x.min()), float(x.max()) + 1, BINS + 1)
-    every, own = (np.histogram(values, edges)[0] for values in (x, x[mine]))
-    shares = own / np.maximum(every, 1)
-    shades = [to_rgba(colour, float(np.sqrt(share))) for share in shares]
-    axes.bar(
-        edges[:-1], 0.026, np.diff(edges), top - 0.013, align="edge", color=shades, lw=0, zorder=5, clip_on=False,
-        transform=axes.get_xaxis_transform(),
-    )  # fmt: skip
-    axes.plot([], [], "s", ms=4, color=colour, label=label)
-
-
-def _within(read: SearchView) -> Array:
-    """(n,) number of a candidate within its own branch, from 1."""
-    branch = np.asarray(read.result.history.branch)
-    number = np.zeros(len(branch))
-    for k in np.unique(branch):
-        mine = branch == k
-        number[mine] = np.arange(1, mine.sum() + 1)
-    return number
+                x[mine], np.full(mine.sum(), top), "|", ms=6, mew=0.9, color=colour, label=label, **look
+            )
+            continue
+        edges = np.linspace(float(x.min()), float(x.max()) + 1, BINS + 1)
+        every, own = (np.histogram(values, edges)[0] for values in (x, x[mine]))
+        shades = [to_rgba(colour, float(np.sqrt(share))) for share in own / np.maximum(every, 1)]
+        axes.bar(edges[:-1], 0.026, np.diff(edges), top - 0.013, align="edge", color=shades, lw=0, **look)
+        axes.plot([], [], "s", ms=4, color=colour, label=label)
 
 
 MOST_PAIRS = 3

@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
-from pliant.formatting import number
+from pliant.formatting import Unit, number
 
 Png = NDArray[np.uint8]
 
@@ -63,7 +63,7 @@ RC: dict[str, Any] = {
 @contextmanager
 def canvas(
     width_px: float, height_px: float, pad: tuple[float, float] | None = (0.09, 0.09), wspace: float = 0.02
-) -> Iterator[Figure]:
+) -> Iterator[Any]:
     """A figure of this size in the house style; the style holds inside the block only.
 
     Panels keep `pad` apart (inches) and `wspace` (a share of their width); places are given by hand without a pad.
@@ -127,6 +127,57 @@ def colour_bar(
     bar.set_label(label)
     bar.outline.set_visible(False)
     return bar.ax
+
+
+def note(axes: Any, text: str, at: Any, shift: tuple[float, float] = (0, 0), **look: Any) -> None:
+    """Words `shift` points from a place in the data."""
+    axes.annotate(text, at, shift, **{"textcoords": "offset points", "fontsize": 8.5, **look})
+
+
+def heading(axes: Any, title: str, below: str, size: float = 7.5) -> None:
+    """A panel's title, and a line of small print between it and the panel."""
+    axes.set_title(f"{title}\n", fontsize=9.5, pad=2)
+    note(axes, below, (0, 1), (0, 3), xycoords="axes fraction", fontsize=size, color=SOFT)
+
+
+def legend_above(figure: Figure, axes: Any, side: str = "right") -> None:
+    """The legend of one or several panels in a row above all panels, each label once."""
+    found = [one.get_legend_handles_labels() for one in np.atleast_1d(axes)]
+    entries = {
+        label: handle for handles, labels in found for handle, label in zip(handles, labels, strict=True)
+    }
+    figure.legend(entries.values(), entries.keys(), loc=f"outside upper {side}", ncols=len(entries))
+
+
+def one_height(axes: Sequence[Any]) -> None:
+    """The same limits of y for all panels."""
+    limits = [one.get_ylim() for one in axes]
+    for one in axes:
+        one.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
+def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Any]:
+    """So many panels in rows of at most `columns`; places that are left stay empty."""
+    columns = min(columns, count)
+    grid = figure.subplots(-(-count // columns), columns, squeeze=False, **shared).ravel()
+    for rest in grid[count:]:
+        rest.set_axis_off()
+    return list(grid[:count])
+
+
+def with_unit(label: str, unit: Unit) -> str:
+    """An axis label: ``error (mm)``."""
+    return f"{label} ({unit.symbol})" if unit.symbol else label
+
+
+def flat(points: Any, plane: tuple[int, int]) -> Any:
+    """(2, n) coordinates in a world plane, mm, of points (n, 3) in m."""
+    return 1e3 * points[:, plane[0]], 1e3 * points[:, plane[1]]
+
+
+def world_labels(axes: Any, plane: tuple[int, int]) -> None:
+    """The labels of a view onto a world plane."""
+    axes.set(xlabel=f"world {'xyz'[plane[0]]} (mm)", ylabel=f"world {'xyz'[plane[1]]} (mm)")
 
 
 def bare(axes: Any) -> None:

@@ -1,0 +1,335 @@
+"""Pictures of a comparison: runs in time, errors over what varied, loops over the input, a map of conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.lines import Line2D
+
+from pliant.evidence.covariates import Bins, Covariate, phases
+from pliant.evidence.places import Place, all_bins
+from pliant.evidence.scores import GroupError
+from pliant.formatting import NamedUnit, number, unit_of, whole_percent
+from pliant.records.design import Array
+from pliant.report.evidence_view import (
+    Compared,
+    abscissa,
+    clock,
+    fitting,
+    grid,
+    input_of,
+    thin,
+    with_ratio,
+)
+from pliant.report.figures import style
+
+MOST = 12  # runs, or circumstances
+COLUMNS = 4
+BAND = 2.0  # floors
+FEW = 40  # samples that are marked one by one
+BAND_COLOUR = "#bcd9ee"
+
+
+def runs_in_time(compared: Compared, output: str) -> style.Png:
+    """Small multiples: the reading in ink over the model in blue; below, measured − model over a band of ±2 floors."""
+    names, _ = compared.worst_runs(MOST)
+    rows, columns = grid(len(names), COLUMNS)
+    words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
+    with style.canvas(max(460 * columns, 900), 430 * rows + 90, pad=(0.05, 0.04), wspace=0.03) as figure:
+        ratios = [3.0, 1.25] * rows
+        axes = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": ratios})
+        shown = [run.name in names for run in compared.measurement.runs]
+        errors = [r[output] for r, show in zip(compared.residuals, shown, strict=True) if show]
+        sizes = np.abs(_finite(np.concatenate(errors)))
+        high = float(np.quantile(sizes, 0.998)) if len(sizes) else 1.0
+        reach = 1.12 * max(high, 2.4 * floor if np.isfinite(floor) else 0.0, 1e-12) * words.factor
+        values = [v for name in names for v in (one[output] for one in _readings(compared, name))]
+        flat = _finite(np.concatenate(values) * words.factor)
+        ends = (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 1.0)
+        margin = 0.06 * max(ends[1] - ends[0], 1e-9)
+        for place in range(rows * columns):
+            top, bottom = axes[2 * (place // columns) : 2 * (place // columns) + 2, place % columns]
+            if place >= len(names):
+                top.set_axis_off()
+                bottom.set_axis_off()
+                continue
+            name = names[place]
+            bottom.sharex(top)
+            _run(top, bottom, compared, name, output, words, BAND * floor * words.factor)
+            style.heading(top, compared.title(name), fitting(compared.words(name), 44))
+            top.set_ylim(ends[0] - margin, ends[1] + margin)
+            bottom.set_ylim(-reach, reach)
+            _label_pair(top, bottom, words, place % columns)
+            if place >= len(names) - columns:
+                bottom.set_xlabel(clock(compared.run(name)[0])[1])
+        style.legend_above(figure, axes[0, 0])
+        return style.png(figure)
+
+
+def _run(
+    top: Any, bottom: Any, compared: Compared, name: str, output: str, words: NamedUnit, band: float
+) -> None:
+    run, model = compared.run(name)
+    pick = thin(len(run))
+    time = clock(run)[0][pick]
+    measured, predicted = (words.factor * np.asarray(v[output], float)[pick] for v in (run.outputs, model))
+    error, known = measured - predicted, np.isfinite(band)
+    if known:
+        look = {"color": BAND_COLOUR, "lw": 0, "label": "model ± 2 floors"}
+        top.fill_between(time, predicted - band, predicted + band, **look)
+        bottom.axhspan(-band, band, color=BAND_COLOUR, lw=0)
+    dots = {"color": style.INK, "marker": "o" if len(pick) < FEW else "", "ms": 3}
+    top.plot(time, predicted, color=style.SERIES[0], lw=1.5, label="model")
+    top.plot(time, measured, lw=0.9, label="measured", **dots)
+    outside = np.abs(error) > band if known else np.zeros(len(error), bool)
+    bottom.axhline(0, color=style.SERIES[0], lw=1.0)
+    bottom.plot(time, error, lw=0.7, **dots)
+    bottom.fill_between(time, 0, error, where=outside, color=style.WARN, alpha=0.75, lw=0, interpolate=False)
+    top.tick_params(labelbottom=False)
+
+
+def _label_pair(top: Any, bottom: Any, words: NamedUnit, column: int) -> None:
+    """Labels of y at the left of a row only."""
+    if column == 0:
+        top.set_ylabel(words.axis)
+        bottom.set_ylabel(style.with_unit("error", words))
+    for panel in (top, bottom):
+        panel.tick_params(labelleft=column == 0)
+
+
+def _readings(compared: Compared, name: str) -> tuple[Any, Any]:
+    run, model = compared.run(name)
+    return run.outputs, model
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+MOST_LOOPS = 8
+REPEATS = (style.INK, "#7b8496", "#a9b1bf")
+SENSES = ((1, "rising", style.SERIES[2]), (-1, "falling", style.SERIES[1]), (0, "held", "#8a93a5"))
+LOOP_BAND = "#dcebf6"
+
+
+def loops(compared: Compared, output: str) -> style.Png | None:
+    """Small multiples of conditions, the worst first: the output over its input, and the error; None without input."""
+    found = abscissa(compared)
+    if found is None:
+        return None
+    driver, across = found
+    worst = sorted(compared.comparison.conditions, key=lambda c: -c.share_of_error / max(c.n, 1))[:MOST_LOOPS]
+    rows, columns = grid(len(worst), COLUMNS)
+    up, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
+    with style.canvas(max(460 * columns, 900), 600 * rows + 90, pad=(0.05, 0.04)) as figure:
+        ratios = {"height_ratios": [2.2, 1.3] * rows}
+        axes = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, gridspec_kw=ratios)
+        for place in range(rows * columns):
+            top, bottom = axes[2 * (place // columns) : 2 * (place // columns) + 2, place % columns]
+            if place >= len(worst):
+                top.set_axis_off()
+                bottom.set_axis_off()
+                continue
+            last = place + columns >= len(worst)
+            if np.isfinite(floor):
+                bottom.axhspan(-2 * floor * up.factor, 2 * floor * up.factor, color=LOOP_BAND, lw=0)
+            bottom.axhline(0, color=style.SERIES[0], lw=1.0)
+            _loop(top, bottom, compared, worst[place], driver, output, (across, up))
+            title = fitting(with_ratio(worst[place]), 32)
+            style.heading(top, title, fitting(worst[place].words, 44))
+            _label_pair(top, bottom, up, place % columns)
+            top.tick_params(labelbottom=False)
+            bottom.tick_params(labelbottom=last)
+            if last:
+                bottom.set_xlabel(across.axis)
+        for half in (0, 1):
+            style.one_height([axes[2 * (k // columns) + half, k % columns] for k in range(len(worst))])
+        style.legend_above(figure, axes[:2, 0])
+        return style.png(figure)
+
+
+def _loop(
+    top: Any, bottom: Any, compared: Compared, condition: GroupError, driver: str, output: str,
+    units: tuple[NamedUnit, NamedUnit],
+) -> None:  # fmt: skip
+    """All runs of a condition; the error in the colour of what the input does."""
+    across, up = units
+    for k, name in enumerate(condition.runs):
+        run, model = compared.run(name)
+        pick = thin(len(run))
+        x = across.factor * input_of(run, driver)
+        measured, predicted = (up.factor * np.asarray(v[output], float) for v in (run.outputs, model))
+        dots = "o" if len(pick) < FEW else ""
+        look = {"marker": dots, "ms": 3, "label": "measured (shades: repeats)" if k == 0 else None}
+        top.plot(x[pick], measured[pick], color=REPEATS[k % 3], lw=1.0, zorder=3, **look)
+        if k == 0:
+            look = {"lw": 2.0, "label": "model", "zorder": 4, "alpha": 0.85}
+            top.plot(x[pick], predicted[pick], color=style.SERIES[0], **look)
+        direction = phases(x, run.history.time_s).direction
+        for sense, word, colour in SENSES:
+            error = np.where(direction == sense, measured - predicted, np.nan)[pick]
+            look = {"marker": dots or ".", "ms": 2.2, "label": f"error, {word}", "mew": 0}
+            bottom.plot(x[pick], error, color=colour, lw=1.0, **look)
+
+
+PLACE_COLUMNS = 3
+POINTS = 1500
+LOUD = 0.05  # a circumstance that tells so much of the error has its title in colour
+
+
+def residual_places(compared: Compared, output: str) -> style.Png | None:
+    """One panel per covariate, those that tell most of the error first; None where nothing varies."""
+    tells = compared.comparison.depends_on
+    items = sorted(compared.covariates.items, key=lambda item: -tells.get(item.name, 0.0))[:MOST]
+    if not items:
+        return None
+    rows, columns = grid(len(items), PLACE_COLUMNS)
+    words = unit_of(output)
+    residual = np.concatenate([run[output] for run in compared.residuals]) * words.factor
+    there = _finite(residual)
+    low, high = np.quantile(there, [0.003, 0.997]) if len(there) else (0.0, 0.0)
+    low, high = min(low, 0.0), max(high, 0.0)
+    margin = 0.08 * max(high - low, 1e-12)
+    with style.canvas(max(600 * columns, 900), 430 * rows + 90, pad=(0.06, 0.06)) as figure:
+        for k, panel in enumerate(style.panels(figure, len(items), columns)):
+            _places(panel, compared, items[k], output, residual)
+            panel.set_ylim(float(low - margin), float(high + margin))
+            panel.tick_params(labelleft=k % columns == 0)
+            if k % columns == 0:
+                panel.set_ylabel(style.with_unit("measured − model", words))
+        entries = [
+            Line2D([], [], ls="", marker=".", color=style.FAINT, label="readings"),
+            Line2D([], [], marker="o", mfc="white", color=style.INK, label="mean in a bin, 95 % under noise"),
+            Line2D([], [], marker="o", color=style.WARN, label="more than noise"),
+        ]
+        figure.legend(handles=entries, loc="outside upper right", ncols=3)
+        return style.png(figure)
+
+
+def _places(panel: Any, compared: Compared, item: Covariate, output: str, residual: Array) -> None:
+    """Readings as dots, and the mean of each bin with its interval."""
+    places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
+    told = compared.comparison.depends_on.get(item.name, 0.0)
+    real = any(p.outputs[output].significant for p in places)
+    title = fitting(f"{item.shown.label}: {f'tells {whole_percent(told)}' if real else 'noise'}", 46)
+    panel.set_title(title, fontsize=9.5, color=style.WARN if real and told >= LOUD else style.INK)
+    if item.numeric:
+        places = [p for p in places if np.isfinite(p.centre)]
+        x = np.array([p.centre for p in places]) * item.shown.factor
+        panel.set_xlabel(item.shown.axis)
+        values = np.concatenate(item.values) * item.shown.factor
+    else:
+        x = np.arange(len(places), dtype=float)
+        panel.set_xticks(x, [_short(p.condition, item) for p in places])
+        panel.set_xlim(-0.6, len(places) - 0.4)
+        names, codes = [*item.categories, item.rest], np.concatenate(item.values)
+        at = {p.condition: float(k) for k, p in enumerate(places)}
+        codes = np.where(np.isfinite(codes), codes, len(names) - 1).astype(int)
+        values = np.array([at.get(name, np.nan) for name in names])[codes]
+    known = np.flatnonzero(np.isfinite(values) & np.isfinite(residual))
+    pick = known[thin(len(known), POINTS)]
+    spread = 0.0 if item.numeric else np.random.default_rng(0).uniform(-0.28, 0.28, len(pick))
+    dots = {"marker": ".", "ms": 2.2, "color": style.FAINT, "zorder": 1, "mew": 0}
+    panel.plot(values[pick] + spread, residual[pick], ls="", **dots)
+    panel.axhline(0, color=style.SERIES[0], lw=1.2, zorder=2)
+    _means(panel, x, places, output)
+
+
+def _means(panel: Any, x: Any, places: Sequence[Place], output: str) -> None:
+    entries, factor = [place.outputs[output] for place in places], unit_of(output).factor
+    mean = np.array([e.mean for e in entries]) * factor
+    low, high = np.array([e.interval for e in entries]).reshape(-1, 2).T * factor
+    for k, entry in enumerate(entries):
+        colour = style.WARN if entry.significant else style.INK
+        look = {"marker": "o", "ms": 6.5, "mfc": colour if entry.significant else "white", "capsize": 3}
+        bar = [[mean[k] - low[k]], [high[k] - mean[k]]]
+        panel.errorbar(x[k], mean[k], bar, color=colour, lw=1.4, zorder=5, **look)
+    if np.isfinite(places[0].centre if places else np.nan):
+        panel.plot(x, mean, color=style.INK, lw=0.8, alpha=0.5, zorder=3)
+
+
+def _short(condition: str, item: Covariate) -> str:
+    """A category without the words that all share: "falling pressure" → "falling"."""
+    for common in ("specimen ", "tip force toward ", "moment that "):
+        condition = condition.removeprefix(common)
+    return condition.split()[0] if item.name == "direction" else fitting(condition, 14)
+
+
+MOST_RUNS = 40
+PREFERRED = ("direction × pressure", "direction × tendon", "direction", "pressure", "moment")
+NO_DATA = "#eceef2"
+DARK = 0.78  # of the colour range: white digits from here on
+# Blue below the noise, white at it, orange to dark red above.
+SHADES = {0.0: "#a9c4de", 0.5: "#ffffff", 0.62: "#fbd3a6", 0.75: "#ee8a4a", 0.88: "#c4421f", 1.0: "#6e1410"}
+FLOORS = LinearSegmentedColormap.from_list("floors", list(SHADES.items()))
+
+
+def condition_map(compared: Compared) -> style.Png | None:
+    """Rows are runs; columns are outputs (if several) and bins of the actuation. None where there is no column."""
+    comparison = compared.comparison
+    runs = sorted(comparison.runs, key=lambda run: -run.share_of_error / max(run.n, 1))[:MOST_RUNS]
+    order = {run.name: k for k, run in enumerate(compared.measurement.runs)}
+    rows = sorted(order[run.name] for run in runs)
+    noise = {name: error.noise.total for name, error in comparison.outputs.items()}
+    scaled = [np.stack([compared.residuals[k][name] / total for name, total in noise.items()]) for k in rows]
+    parts: list[tuple[str, list[str], Array]] = []
+    if len(noise) > 1:
+        of_output = np.array([[_rms(values) for values in of_run] for of_run in scaled])
+        parts.append(("by output", [unit_of(name).label for name in noise], of_output))
+    if (bins := _bins(compared)) is not None:
+        picked = [
+            [of_run[:, bins.codes[k] == j] for j in range(len(bins))]
+            for k, of_run in zip(rows, scaled, strict=True)
+        ]
+        of_bin = np.array([[_rms(values) for values in of_run] for of_run in picked])
+        parts.append(("by what the actuation does", list(bins.words), of_bin))
+    if not parts:
+        return None
+    widths = [len(words) for _, words, _ in parts]
+    longest = max(len(word) for _, words, _ in parts for word in words)
+    width, height = 420 + 96 * sum(widths) + 60 * len(parts), 190 + 44 * len(rows) + 9 * longest
+    with style.canvas(width, height, pad=(0.06, 0.06)) as figure:
+        axes = figure.subplots(1, len(parts), squeeze=False, width_ratios=widths)[0]
+        top = max(float(np.nanmax(values)) for _, _, values in parts)
+        norm = TwoSlopeNorm(1.0, 0.0, max(top, 2.0))
+        for axis, (title, words, values) in zip(axes, parts, strict=True):
+            picture = _heat(axis, values, words, norm)
+            axis.set_title(title)
+        found = [comparison.runs[k] for k in rows]
+        names = [fitting(f"{run.name}: {run.words}" if run.words else run.name, 40) for run in found]
+        axes[0].set_yticks(range(len(rows)), names)
+        for axis in axes[1:]:
+            axis.set_yticks([])
+        against = "in noise floors" if comparison.judged else "against that of all runs"
+        shrink = min(1.0, 8 / max(len(rows), 1))
+        figure.colorbar(picture, ax=list(axes), label=f"rms error {against}", shrink=shrink, aspect=18)
+        return style.png(figure)
+
+
+def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any:
+    picture = axis.imshow(values, aspect="auto", cmap=FLOORS, norm=norm, interpolation="nearest")
+    labels = [fitting(word, 42) for word in words]
+    axis.set_xticks(range(len(words)), labels, rotation=35, ha="right", fontsize=8)
+    axis.grid(False)
+    axis.set_facecolor(NO_DATA)
+    for side in axis.spines.values():
+        side.set_visible(False)
+    axis.tick_params(length=0)
+    for (i, j), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            colour = "white" if norm(value) > DARK else style.INK
+            axis.text(j, i, number(value, 2), ha="center", va="center", fontsize=7.5, color=colour)
+    return picture
+
+
+def _bins(compared: Compared) -> Bins | None:
+    few = [bins for bins in all_bins(compared.covariates) if len(bins) <= 16]
+    return next((bins for name in PREFERRED for bins in few if bins.name.startswith(name)), None)
+
+
+def _rms(values: Array) -> float:
+    there = _finite(values)
+    return float(np.sqrt(np.mean(there**2))) if len(there) else np.nan
