@@ -60,19 +60,8 @@ WITH_OUT = ("run", "fem", "fit", "compare", "diagnose", "optimize")
 NEW_STUDY = ("extend", "improve")
 CLOSE = 1e-12
 # What differs from run to run, machine to machine or folder to folder.
-PASSING = {
-    "pliant",
-    "path",
-    "out",
-    "report",
-    "csv",
-    "data",
-    "store",
-    "page",
-    "final_study",
-    "written",
-    "provenance",
-}
+PASSING = {"pliant", "path", "out", "report", "csv", "data", "store", "page", "final_study", "written"}
+PASSING |= {"provenance"}
 
 
 def save(folder: Path, only: list[str]) -> int:
@@ -90,9 +79,8 @@ def save(folder: Path, only: list[str]) -> int:
             arguments += ["--out", str(folder / f"{name}.yaml")]
         arguments += ["--store", str(folder / "store"), "--json", str(target), "--quiet"]
         begun = time.monotonic()
-        done = subprocess.run(
-            [sys.executable, "-m", "pliant", *arguments], capture_output=True, text=True, check=False
-        )
+        command = [sys.executable, "-m", "pliant", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         failed += done.returncode not in (0, 3)
         cause = "" if done.returncode == 0 else f": {done.stderr.strip().splitlines()[-1:]}"
         print(f"{name}: exit {done.returncode}, {time.monotonic() - begun:.1f} s{cause}", flush=True)
@@ -152,8 +140,8 @@ if __name__ == "__main__":
     saving.add_argument("folder", type=Path)
     saving.add_argument("--only", nargs="*", default=[])
     comparing = verbs.add_parser("compare")
-    comparing.add_argument("old", type=Path)
-    comparing.add_argument("new", type=Path)
+    for name in ("old", "new"):
+        comparing.add_argument(name, type=Path)
     given = parser.parse_args()
     if given.verb == "save":
         sys.exit(1 if save(given.folder.resolve(), given.only) else 0)

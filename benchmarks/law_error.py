@@ -19,7 +19,6 @@ from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 
 def main() -> None:
-    """Fit the demo's data set in several ways and print the worst errors of the torque range."""
     study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry(), ["fem.sampling=grid"])
     data: FemDataset = fem_of_study(workbench(), study)[0].value.axis("y")
     results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}

@@ -109,8 +109,7 @@ def component(interface: str, kind: str, **settings: Any) -> Any:
 
 def engine(kind: str, **settings: Any) -> PhysicsBackend:
     """An engine: quasistatic, mujoco, pybullet."""
-    backend: PhysicsBackend = component("physics", kind, **settings)
-    return backend
+    return component("physics", kind, **settings)
 
 
 def known(kind: str) -> bool:
@@ -178,6 +177,8 @@ def processor() -> str:
 
 def write(name: str, results: Mapping[str, Any], bars: Sequence[Bar] = ()) -> None:
     """Print the bars; benchmarks/out/NAME.json: results, bars, and the machine that they were measured on."""
+    for bar in bars:
+        print(bar)
     document = {**results, "bars": [bar.json() for bar in bars], "machine": machine()}
     OUT.mkdir(parents=True, exist_ok=True)
     write_atomically(OUT / f"{name}.json", json.dumps(document, indent=1, default=float))

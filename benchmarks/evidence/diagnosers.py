@@ -33,8 +33,7 @@ def load(module: str, verb: str) -> Diagnoser:
     Raises:
         AttributeError, ImportError: there is none.
     """
-    found: Diagnoser = getattr(importlib.import_module(module), verb)
-    return found
+    return getattr(importlib.import_module(module), verb)
 
 
 def _command(verb: str, study: str, data: Sequence[str], *more: str) -> dict[str, Any]:
@@ -50,20 +49,15 @@ def _command(verb: str, study: str, data: Sequence[str], *more: str) -> dict[str
         heard = io.StringIO()
         files = [word for csv in data for word in ("--data", csv)]
         arguments = [verb, study, *files, "--json", str(answer), "--quiet", *more]
-        with contextlib.redirect_stderr(heard), contextlib.redirect_stdout(heard):
-            code = _exit_code(main, arguments)
+        before, sys.argv, code = sys.argv, ["pliant", *arguments], None
+        try:
+            with contextlib.redirect_stderr(heard), contextlib.redirect_stdout(heard):
+                code = main()
+        except SystemExit as leaving:
+            code = leaving.code
+        finally:
+            sys.argv = before
         if not answer.exists():
             raise RuntimeError(f"pliant {verb} ended with {code}: {heard.getvalue().strip()[-500:]}")
         result: dict[str, Any] = json.loads(answer.read_text())
     return result
-
-
-def _exit_code(main: Callable[..., Any], arguments: list[str]) -> int:
-    before = sys.argv
-    sys.argv = ["pliant", *arguments]
-    try:
-        return int(main() or 0)
-    except SystemExit as leaving:
-        return int(leaving.code or 0) if not isinstance(leaving.code, str) else 2
-    finally:
-        sys.argv = before

@@ -15,8 +15,9 @@ from pathlib import Path
 from benchmarks.evidence.sets import make_set
 from benchmarks.evidence.tasks import Plan, Task
 from benchmarks.evidence.truths import KINDS, UNKNOWN
-from benchmarks.evidence.workers import write
 from benchmarks.output import parser_of
+
+from pliant.store.store import write_atomically
 
 NOTHING = Plan(seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, plan=0, improve=0)
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload")
@@ -46,14 +47,13 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
         if label.exists():
             continue
         made = make_set(task.spec, name=f"set-{number:03d}")
-        write(folder / f"{number:03d}_study.yaml", made.study)
-        write(folder / f"{number:03d}.csv", made.csv)
-        write(label, json.dumps({"group": task.group, **made.label}, indent=1))
+        write_atomically(folder / f"{number:03d}_study.yaml", made.study)
+        write_atomically(folder / f"{number:03d}.csv", made.csv)
+        write_atomically(label, json.dumps({"group": task.group, **made.label}, indent=1))
         yield f"{number:03d} {task.spec.kind} {task.spec.engine} {task.spec.robot} {made.label['snr_reached']:.2f} σ"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the sets that are asked for."""
     parser = parser_of(__doc__)
     parser.add_argument("--group", choices=GROUPS, required=True)
     parser.add_argument("--count", type=int, default=40)

@@ -11,10 +11,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
-from benchmarks.evidence.functional_truth import Bones, Inputs, bones_of, inputs_of, weights
+from benchmarks.evidence.forms import Drive, Forms, effort, healed, with_wrap, wraps
+from benchmarks.evidence.functional_truth import (
+    Bones,
+    Inputs,
+    bones_of,
+    cycles_of,
+    driven,
+    followed,
+    ramped,
+    weights,
+)
 from benchmarks.evidence.protocols import Protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.robots import Array, Robot
 from benchmarks.evidence.skeleton import skeleton
 from numba import njit
 
@@ -41,16 +50,7 @@ def _advance(
     state[0] += step
     at[0] = state[0]
     weights(at, bones, gravity, moments, slopes)
-    seen = Drive(
-        drive.pressure_pa,
-        drive.pressure_rate,
-        drive.temperature_c,
-        drive.moment_n_m,
-        drive.time_s,
-        drive.clock_s,
-        drive.cycles,
-        wraps(at, bones.module, f)[0],
-    )
+    seen = with_wrap(drive, wraps(at, bones.module, f)[0])
     total = effort(state[0], step, dt, seen, memory[0], new[0], f)
     total += weight * moments[0] - drive.moment_n_m * bones.load_share[0] - bones.damping * state[1]
     memory[0, :] = new[0]
@@ -61,14 +61,12 @@ def _advance(
 @njit
 def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms) -> tuple[Array, float]:
     """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
-    count, warm = len(inputs.pressure), inputs.temperature
+    count = len(inputs.pressure)
     new, state = memory.copy(), np.zeros(3)
     ramp = round(RAMP_S / STEP_S)
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
-        drive = Drive(
-            share * inputs.pressure[0], 0.0, warm, share * inputs.load[0], 0.0, inputs.clock, cycles, 0.0
-        )
+        drive = ramped(inputs, share, cycles)
         _advance(state, STEP_S, drive, share, inputs.gravity, bones, memory, new, f)
         if k >= ramp:  # it comes to rest at once, without ringing into the run
             state[1] *= 0.99
@@ -80,24 +78,16 @@ def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, round(span / STEP_S))
         dt = span / parts
-        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
-        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
         for k in range(1, parts + 1):
-            share = k / parts
-            reached = start + share * rise
-            chamber = arriving(supply, reached, reached, inputs.valve[i], dt, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.0, dt, supply, cycles, f)
             _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
         angles[i, 0] = state[0]
     return angles, cycles
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, 1) joint angles of every run, in order; specimens keep what does not heal.
+    """(t, 1) joint angles of every run, in order.
 
     Raises:
         ValueError: a chain; its modes are too fast for explicit steps.
@@ -106,14 +96,8 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
     bones = bones_of(skeleton(robot, truth.body), truth.body, swings=True)
     if len(bones.masses) != 1:
         raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {len(bones.masses)}")
-    memories: dict[str, tuple[Array, float]] = {}
-    angles, clock = [], 0.0
-    for run in protocol:
-        memory, cycles = memories.get(run.specimen, (virgin(1), 0.0))
-        followed, cycles = _follow(inputs_of(run, truth.body, clock), bones, memory, cycles, truth.forms)
-        if not np.isfinite(followed).all():
-            raise RuntimeError(f"explicit truth: run '{run.condition}' diverged")
-        memories[run.specimen] = (memory, cycles)
-        angles.append(followed)
-        clock += run.seconds
-    return angles
+
+    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+        return *_follow(inputs, bones, memory, cycles, truth.forms), True
+
+    return followed(protocol, truth, 1, run_of)

@@ -64,6 +64,14 @@ class Drive(NamedTuple):
     wrap_rad: float
 
 
+@njit
+def with_wrap(d: Drive, wrap: float) -> Drive:
+    """The drive of a joint further along the tendon."""
+    return Drive(
+        d.pressure_pa, d.pressure_rate, d.temperature_c, d.moment_n_m, d.time_s, d.clock_s, d.cycles, wrap
+    )
+
+
 class Forms(NamedTuple):
     """Numbers of every form, SI; the defaults are a joint without any effect."""
 

@@ -11,10 +11,11 @@ Where a truth has inertia, u̇ and ü follow Newmark's rule (average acceleratio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
+from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, with_wrap, wraps
 from benchmarks.evidence.protocols import Protocol, Run
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, gravity_on, skeleton
@@ -74,10 +75,44 @@ def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
 
 
 @njit
+def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
+    """A share of the run's first inputs: of the ramp on which a run starts from straight."""
+    pressure, load = share * inputs.pressure[0], share * inputs.load[0]
+    return Drive(pressure, 0.0, inputs.temperature, load, 0.0, inputs.clock, cycles, 0.0)
+
+
+@njit
+def driven(
+    inputs: Inputs, i: int, share: float, lead: float, dt: float, supply: Array, cycles: float, f: Forms
+) -> Drive:
+    """What acts after a share of the way from sample i − 1 to i; the chamber is filled from `lead` before it."""
+    start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
+    before, span = inputs.time[i - 1], inputs.time[i] - inputs.time[i - 1]
+    middle, end = start + (share - lead) * rise, start + share * rise
+    chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
+    moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
+    time = before + share * span
+    return Drive(chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0)
+
+
+@njit
+def cycles_of(inputs: Inputs, i: int, parts: int) -> float:
+    """Cycles of the largest pressure that are done in each part of the way to sample i."""
+    return abs(inputs.pressure[i] - inputs.pressure[i - 1]) / parts / (2.0 * PRESSURE_MAX_PA)
+
+
+@njit
 def _cross(a: Array, b: Array, out: Array) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def _along(rotation: Array, r: int, vectors: Array, j: int) -> float:
+    """Component r of the turned vector j."""
+    turned = rotation[r, 0] * vectors[j, 0]
+    return turned + rotation[r, 1] * vectors[j, 1] + rotation[r, 2] * vectors[j, 2]
 
 
 @njit
@@ -90,17 +125,9 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
     turned = np.empty(3)
     for j in range(n):
         for r in range(3):
-            place[r] += (
-                rotation[r, 0] * bones.offsets[j, 0]
-                + rotation[r, 1] * bones.offsets[j, 1]
-                + rotation[r, 2] * bones.offsets[j, 2]
-            )
+            place[r] += _along(rotation, r, bones.offsets, j)
             places[j, r] = place[r]
-            axes[j, r] = (
-                rotation[r, 0] * bones.axes[j, 0]
-                + rotation[r, 1] * bones.axes[j, 1]
-                + rotation[r, 2] * bones.axes[j, 2]
-            )
+            axes[j, r] = _along(rotation, r, bones.axes, j)
         s, c = np.sin(u[j]), 1.0 - np.cos(u[j])
         # Rodrigues about the axis in space: every column of the rotation is turned.
         for k in range(3):
@@ -110,12 +137,9 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
             for r in range(3):
                 rotation[r, k] = before[r] + s * turned[r] + c * (axes[j, r] * along - before[r])
         for r in range(3):
-            centres[j, r] = (
-                place[r]
-                + rotation[r, 0] * bones.centres[j, 0]
-                + rotation[r, 1] * bones.centres[j, 1]
-                + rotation[r, 2] * bones.centres[j, 2]
-            )
+            centres[j, r] = place[r]
+            for k in range(3):
+                centres[j, r] += rotation[r, k] * bones.centres[j, k]
     mass, sums = 0.0, np.zeros(3)
     for j in range(n - 1, -1, -1):
         mass += bones.masses[j]
@@ -168,16 +192,7 @@ def _solve(
     for iteration in range(ITERATIONS):
         weights(u, bones, gravity, moments, slopes)
         for j in range(n):
-            at = Drive(
-                drive.pressure_pa,
-                drive.pressure_rate,
-                drive.temperature_c,
-                drive.moment_n_m,
-                drive.time_s,
-                drive.clock_s,
-                drive.cycles,
-                wrap[j],
-            )
+            at = with_wrap(drive, wrap[j])
             y = u[j]
             value = own(j, y, y - before[j], dt, at, memory[j], new[j], bones, f)
             residual[j] = value - drive.moment_n_m * bones.load_share[j] + weight * moments[j]
@@ -205,16 +220,7 @@ def _solve(
         if largest < TOLERANCE_RAD:
             break
     for j in range(n):
-        at = Drive(
-            drive.pressure_pa,
-            drive.pressure_rate,
-            drive.temperature_c,
-            drive.moment_n_m,
-            drive.time_s,
-            drive.clock_s,
-            drive.cycles,
-            wrap[j],
-        )
+        at = with_wrap(drive, wrap[j])
         own(j, u[j], u[j] - before[j], dt, at, memory[j], new[j], bones, f)
         swing = 4.0 / dt * ((u[j] - before[j]) / dt - rates[0, j]) - rates[1, j]
         rates[0, j], rates[1, j] = 2.0 * (u[j] - before[j]) / dt - rates[0, j], swing
@@ -233,16 +239,7 @@ def _follow(
     well = True
     for k in range(RAMP_STEPS):
         share = (k + 1) / RAMP_STEPS
-        drive = Drive(
-            share * inputs.pressure[0],
-            0.0,
-            inputs.temperature,
-            share * inputs.load[0],
-            0.0,
-            inputs.clock,
-            cycles,
-            0.0,
-        )
+        drive = ramped(inputs, share, cycles)
         rates[:] = 0.0
         step = RAMP_S / RAMP_STEPS
         well &= _solve(u, before, rates, step, drive, share, inputs.gravity, bones, memory, new, f)
@@ -255,17 +252,9 @@ def _follow(
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, int(np.ceil(span / longest - 1e-9)))
         dt = span / parts
-        start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
         for k in range(1, parts + 1):
-            share = k / parts
-            middle, end = start + (share - 0.5 / parts) * rise, start + share * rise
-            chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.5 / parts, dt, supply, cycles, f)
             guess = 2.0 * u - before
             before[:], u[:] = u, guess
             well &= _solve(u, before, rates, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
@@ -274,24 +263,38 @@ def _follow(
     return angles, cycles, well
 
 
-def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
+def followed(
+    protocol: Protocol, truth: Any, hinges: int, run_of: Callable[..., tuple[Array, float, bool]]
+) -> list[Array]:
     """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
 
+    Args:
+        run_of: of a run's inputs, the specimen's memory (advanced in place) and its cycles: the angles, the cycles
+            done after it, and whether all went well.
+
     Raises:
-        RuntimeError: a state did not converge.
+        RuntimeError: a run did not go well.
     """
-    swings = truth.body.crossbar_kg_m2 > 0.0
-    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
-    longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
     memories: dict[str, tuple[Array, float]] = {}
     angles, clock = [], 0.0
     for run in protocol:
-        memory, cycles = memories.get(run.specimen, (virgin(len(bones.masses)), 0.0))
-        inputs = inputs_of(run, truth.body, clock)
-        followed, cycles, well = _follow(inputs, bones, memory, cycles, longest, truth.forms)
-        if not well:
-            raise RuntimeError(f"functional truth: run '{run.condition}' did not converge")
+        memory, cycles = memories.get(run.specimen, (virgin(hinges), 0.0))
+        found, cycles, well = run_of(inputs_of(run, truth.body, clock), memory, cycles)
+        if not well or not np.isfinite(found).all():
+            raise RuntimeError(f"run '{run.condition}' of the truth did not converge")
         memories[run.specimen] = (memory, cycles)
-        angles.append(followed)
+        angles.append(found)
         clock += run.seconds
     return angles
+
+
+def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
+    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where a state did not converge."""
+    swings = truth.body.crossbar_kg_m2 > 0.0
+    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
+    longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
+
+    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+        return _follow(inputs, bones, memory, cycles, longest, truth.forms)
+
+    return followed(protocol, truth, len(bones.masses), run_of)

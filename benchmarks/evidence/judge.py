@@ -1,4 +1,4 @@
-"""What an answer is worth: right, right by class, ambiguous or wrong.
+"""What an answer is worth: right, right by class, ambiguous or wrong; and the statistics of many.
 
 `ambiguous` and `insufficient_data` are honest and never right. A false alarm is an answer to a clean set that says
 that something is missing: another verdict than nothing_missing, or `ambiguous` between effects without the plain model.
@@ -7,15 +7,23 @@ that something is missing: another verdict than nothing_missing, or `ambiguous` 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
+import numpy as np
 from benchmarks.evidence.oracle import choice
-from benchmarks.evidence.truths import UNKNOWN, hidden_kinds
+from benchmarks.evidence.truths import CLEAN, UNKNOWN, hidden_kinds
 
 HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
+Z_95 = 1.959963984540054
+SNR_EDGES = (0.0, 0.75, 1.25, 2.0, 2.5, 3.5)
+RELIABILITY_BINS = 5
 
 
 @dataclass(frozen=True)
@@ -57,21 +65,32 @@ class Judged:
     wall_s: float
     cpu_s: float
 
+    @property
+    def is_right(self) -> bool:
+        """The answer counts as right."""
+        return self.outcome == "right"
+
 
 def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "diagnose") -> Judged:
     """One line of results (`error` or `result`, `wall_s`) beside its opened label."""
     result: dict[str, Any] = line.get("result") or {}
     kind = label["kind"]
-    verdict = ERROR if line.get("error") else str(result.get("verdict", _verdict_of_steps(result)))
     selected = _selected(result)
+    # `improve` says what it added, step by step.
+    added = ("missing_effect" if selected else "nothing_missing") if "steps" in result else ERROR
+    verdict = ERROR if line.get("error") else str(result.get("verdict", added))
     names = [_kinds(h) for h in result.get("credible_set") or []]
+    classes = [frozenset(one["kinds"]) for one in result.get("classes") or []]
     hypotheses = sorted(result.get("hypotheses") or [], key=lambda h: -h["probability"])
-    truth = true_hypothesis(kind)
+    truth = ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
     credible = truth in names if names else None
     top = hypotheses[0] if hypotheses else None
     over = [step["rmse_over_floor"] for step in result.get("steps") or []]
     outcome = _outcome(kind, label["right"], verdict, selected)
     squares = label.get("mean_squares")
+    alarm = verdict not in ("nothing_missing", "insufficient_data", ERROR)
+    if verdict == "ambiguous":
+        alarm = bool(names) and () not in names
     return Judged(
         group=group,
         mode=mode,
@@ -83,8 +102,8 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
         excited=label["excited"],
         answer=" + ".join(selected) if verdict == "missing_effect" else verdict,
         outcome=outcome,
-        by_class=outcome == "right" or right_by_class(truth, verdict, selected, names, _classes(result)),
-        alarm=_alarm(verdict, names),
+        by_class=outcome == "right" or right_by_class(truth, verdict, selected, names, classes),
+        alarm=alarm,
         in_credible_set=credible,
         credible_size=len(names) if names else None,
         top_probability=top and float(top["probability"]),
@@ -98,11 +117,6 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
         wall_s=float(line["wall_s"]),
         cpu_s=float(line.get("cpu_s", line["wall_s"])),
     )
-
-
-def true_hypothesis(kind: str) -> tuple[str, ...]:
-    """The truth in the words of `hypotheses[].kinds`."""
-    return ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
 
 
 def right_by_class(
@@ -131,10 +145,6 @@ def right_by_class(
     return verdict == "ambiguous" and bool(credible) and all(same(kinds) for kinds in credible)
 
 
-def _classes(result: dict[str, Any]) -> list[frozenset[str]]:
-    return [frozenset(one["kinds"]) for one in result.get("classes") or []]
-
-
 def _kinds(hypothesis: Any) -> tuple[str, ...]:
     """A hypothesis is an object with `kinds`, or the list of kinds itself."""
     return tuple(sorted(hypothesis["kinds"] if isinstance(hypothesis, dict) else hypothesis))
@@ -148,13 +158,6 @@ def _selected(result: dict[str, Any]) -> list[str]:
     return sorted(flat)
 
 
-def _verdict_of_steps(result: dict[str, Any]) -> str:
-    """`improve` says what it added, step by step."""
-    if "steps" not in result:
-        return ERROR
-    return "missing_effect" if _selected(result) else "nothing_missing"
-
-
 def _outcome(kind: str, right: Sequence[str], verdict: str, selected: list[str]) -> str:
     if verdict == ERROR:
         return ERROR
@@ -164,7 +167,165 @@ def _outcome(kind: str, right: Sequence[str], verdict: str, selected: list[str])
     return "right" if verdict in right and named else "wrong"
 
 
-def _alarm(verdict: str, credible: list[tuple[str, ...]]) -> bool:
-    if verdict == "ambiguous":
-        return bool(credible) and () not in credible
-    return verdict not in ("nothing_missing", "insufficient_data", ERROR)
+def wilson(right: int, n: int, z: float = Z_95) -> tuple[float, float]:
+    """Wilson's interval of a share (J. Am. Stat. Assoc. 22, 1927); (0, 1) where nothing was tried."""
+    if n == 0:
+        return 0.0, 1.0
+    share, z2 = right / n, z * z
+    centre = (share + z2 / (2 * n)) / (1 + z2 / n)
+    half = z / (1 + z2 / n) * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def share(items: Iterable[Judged], of: Callable[[Judged], Any] = attrgetter("is_right")) -> dict[str, Any]:
+    """{right, n, share, low, high} of those for which `of` holds; share is None where there is none."""
+    flags = [bool(of(item)) for item in items]
+    right, n = sum(flags), len(flags)
+    low, high = wilson(right, n)
+    return {"right": right, "n": n, "share": right / n if n else None, "low": low, "high": high}
+
+
+def banded(
+    items: Sequence[Judged], value: Callable[[Judged], float | None], edges: Sequence[float]
+) -> Iterator[tuple[float, float, list[Judged]]]:
+    """(low, high, items) of each band; the last one includes its upper edge."""
+    known = [(x, item) for item in items if (x := value(item)) is not None]
+    for low, high in itertools.pairwise(edges):
+        yield low, high, [item for x, item in known if low <= x < high or x == high == edges[-1]]
+
+
+def summary(items: Sequence[Judged]) -> dict[str, Any]:
+    """All tables as plain data: the content of benchmarks/out/evidence.json."""
+    asked = [item for item in items if item.mode == "diagnose"]
+    of = {name: [i for i in asked if i.group == name] for name in sorted({item.group for item in asked})}
+    effects, pairs, weak = ([i for i in of.get(name, []) if i.excited] for name in ("effect", "pair", "weak"))
+    clean, unknown = of.get("clean", []), of.get("unknown", [])
+    alarms = partial(share, of=attrgetter("alarm"))
+    single = [i for i in asked if i.group not in ("unknown", "weak", "pair")]
+    return {
+        "n": len(items),
+        "errors": sum(item.outcome == ERROR for item in items),
+        "effects": both(effects),
+        "effects_not_excited": sum(not item.excited for item in of.get("effect", [])),
+        **{f"by_{name}": each(both, effects, name) for name in ("kind", "engine", "robot")},
+        "by_snr": [
+            {"above": low, "below": high, **both(rows)}
+            for low, high, rows in banded([*effects, *weak], lambda i: i.snr, SNR_EDGES)
+        ],
+        "by_protocol": each(_protocol, single, "protocol"),
+        "poor": _poor([i for i in of.get("poor", []) if i.kind != CLEAN and i.excited]),
+        "plan": each(_plan, [i for i in items if i.group == "plan"], "mode"),
+        "false_alarms": alarms(clean),
+        "false_alarms_by_engine": each(alarms, clean, "engine"),
+        "clean_right": share(clean),
+        "unknown": share(unknown),
+        "unknown_by_form": each(share, unknown, "kind"),
+        "pairs": both(pairs),
+        "ambiguous": {g: share(rows, lambda i: i.outcome == "ambiguous") for g, rows in of.items()},
+        "credible_set": _credible(effects),
+        "calibration": reliability([item for item in asked if item.excited]),
+        "wall_s": _quantiles([i.wall_s for i in asked if i.outcome != ERROR]),
+        "time": each(_time, items, "group"),
+        "improve": _improve([item for item in items if item.group == "improve"]),
+        "confusion": {g: each(_answers, rows, "kind") for g, rows in of.items()},
+    }
+
+
+def each(of: Callable[[list[Judged]], Any], items: Iterable[Judged], attribute: str) -> dict[str, Any]:
+    """A figure of the answers by the values of one of their attributes."""
+    groups: dict[str, list[Judged]] = {}
+    for item in items:
+        groups.setdefault(getattr(item, attribute), []).append(item)
+    return {name: of(groups[name]) for name in sorted(groups)}
+
+
+def both(items: Sequence[Judged]) -> dict[str, Any]:
+    """The strict share, and beside it `by_class`."""
+    return {**share(items), "by_class": share(items, attrgetter("by_class"))}
+
+
+def _protocol(rows: Sequence[Judged]) -> dict[str, Any]:
+    effects = both([i for i in rows if i.kind != CLEAN and i.excited])
+    return {"effects": effects, "clean": share([i for i in rows if i.kind == CLEAN])}
+
+
+def _poor(items: Sequence[Judged]) -> dict[str, Any]:
+    """First hypotheses that are true, beside the choices of the scorer with the true forms, on the same sets."""
+    compared = [item for item in items if item.oracle_right is not None and item.top_right is not None]
+    mine, theirs = (share(compared, attrgetter(name)) for name in ("top_right", "oracle_right"))
+    ratio = mine["right"] / theirs["right"] if theirs["right"] else None
+    return {"top": mine, "oracle": theirs, "ratio": ratio, "by_kind": each(_counts, compared, "kind")}
+
+
+def _counts(rows: Sequence[Judged]) -> dict[str, int]:
+    top, oracle = (sum(bool(getattr(i, f"{name}_right")) for i in rows) for name in ("top", "oracle"))
+    return {"top": top, "oracle": oracle, "n": len(rows)}
+
+
+def _plan(items: Sequence[Judged]) -> dict[str, Any]:
+    runs = Counter(name for item in items for name in item.added)
+    return {**both(items), "top": share(items, attrgetter("top_right")), "runs": dict(runs.most_common())}
+
+
+def _answers(rows: Sequence[Judged]) -> dict[str, int]:
+    """How often each answer was given."""
+    return dict(Counter(item.answer for item in rows))
+
+
+def _time(rows: Sequence[Judged]) -> dict[str, Any]:
+    spent = [i.cpu_s for i in rows]
+    return {"n": len(rows), "cpu_s": float(sum(spent)), **_quantiles(spent)}
+
+
+def _credible(items: Sequence[Judged]) -> dict[str, Any]:
+    stated = [item for item in items if item.in_credible_set is not None]
+    sizes = [item.credible_size for item in stated if item.credible_size is not None]
+    return {
+        "coverage": share(stated, attrgetter("in_credible_set")),
+        "median_size": float(np.median(sizes)) if sizes else None,
+    }
+
+
+def reliability(items: Sequence[Judged], bins: int = RELIABILITY_BINS) -> dict[str, Any]:
+    """Stated probability of the first hypothesis against the share of them that are true, in bins of equal mass.
+
+    `error` is the expected calibration error Σ n_b/n |stated − true| (Naeini et al., AAAI 2015); `brier` the mean of
+    (stated − true)² (Brier 1950).
+    """
+    cases = sorted(
+        ((i.top_probability, float(bool(i.top_right))) for i in items if i.top_probability is not None),
+    )
+    rows = []
+    for part in np.array_split(np.array(cases).reshape(-1, 2), bins):
+        if len(part):
+            right = int(part[:, 1].sum())
+            low, high = wilson(right, len(part))
+            ends = {
+                "above": float(part[0, 0]),
+                "below": float(part[-1, 0]),
+                "stated": float(part[:, 0].mean()),
+            }
+            found = {"right": right, "n": len(part), "share": right / len(part), "low": low, "high": high}
+            rows.append(ends | found)
+    n = len(cases)
+    return {
+        "n": n,
+        "error": sum(row["n"] * abs(row["stated"] - row["share"]) for row in rows) / n if n else None,
+        "brier": float(np.mean([(stated - true) ** 2 for stated, true in cases])) if n else None,
+        "bins": rows,
+    }
+
+
+def _improve(items: Sequence[Judged]) -> dict[str, Any]:
+    ends = {name: [getattr(i, name) for i in items] for name in ("start_over_floor", "end_over_floor")}
+    return {
+        "n": len(items),
+        **{name: _quantiles([x for x in found if x is not None]) for name, found in ends.items()},
+        "right": share(items),
+        "wall_s": _quantiles([i.wall_s for i in items]),
+    }
+
+
+def _quantiles(values: Sequence[float]) -> dict[str, float | None]:
+    names = {"median": 0.5, "q25": 0.25, "q75": 0.75, "q90": 0.9, "worst": 1.0}
+    return {name: float(np.quantile(values, q)) if values else None for name, q in names.items()}

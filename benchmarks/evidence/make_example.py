@@ -32,7 +32,6 @@ def drawn(passphrase: str) -> SetSpec:
 
 
 def main(passphrase: str, folder: Path = FOLDER) -> None:
-    """Write the measurement and its sealed label."""
     made = make_set(drawn(passphrase))
     (folder / "bench.csv").write_text(HEAD + made.csv)
     (folder / "label.sealed").write_text(seal(made.label, passphrase_key(passphrase)))

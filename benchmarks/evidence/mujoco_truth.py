@@ -15,10 +15,20 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, healed, virgin, wraps
-from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, inputs_of, own
+from benchmarks.evidence.forms import Drive, Forms, healed, with_wrap, wraps
+from benchmarks.evidence.functional_truth import (
+    AIR_DAMPING,
+    Bones,
+    Inputs,
+    bones_of,
+    cycles_of,
+    driven,
+    followed,
+    own,
+    ramped,
+)
 from benchmarks.evidence.protocols import Protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.robots import Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, skeleton
 from llvmlite import binding
 from numba import njit, types
@@ -83,7 +93,7 @@ def _advance(
     wrap = wraps(position, bones.module, f)
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]
-        at = _with_wrap(drive, wrap[j])
+        at = with_wrap(drive, wrap[j])
         value = own(j, u, 0.0, STEP_S, at, old, fresh, bones, f)
         nearby = own(j, u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, at, old, fresh, bones, f)
         slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
@@ -92,16 +102,9 @@ def _advance(
         force[j] = value - drive.moment_n_m * bones.load_share[j] + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
-        at = _with_wrap(drive, wrap[j])
+        at = with_wrap(drive, wrap[j])
         own(j, position[j], position[j] - before[j], STEP_S, at, memory[j], new[j], bones, f)
         memory[j, :] = new[j]
-
-
-@njit
-def _with_wrap(d: Drive, wrap: float) -> Drive:
-    return Drive(
-        d.pressure_pa, d.pressure_rate, d.temperature_c, d.moment_n_m, d.time_s, d.clock_s, d.cycles, wrap
-    )
 
 
 @njit
@@ -120,14 +123,12 @@ def _follow(
     n, count = len(position), len(inputs.pressure)
     new, before = memory.copy(), np.zeros(n)
     position[:], velocity[:] = 0.0, 0.0
-    ramp, warm = round(RAMP_S / STEP_S), inputs.temperature
+    ramp = round(RAMP_S / STEP_S)
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
         # The bench turns, the world stays: gravity is what is turned.
         gravity[:] = share * inputs.gravity
-        drive = Drive(
-            share * inputs.pressure[0], 0.0, warm, share * inputs.load[0], 0.0, inputs.clock, cycles, 0.0
-        )
+        drive = ramped(inputs, share, cycles)
         _advance(handles, views, drive, bones, before, memory, new, f)
     healed(memory)
     supply = np.full(2, inputs.pressure[0])
@@ -136,46 +137,25 @@ def _follow(
     for i in range(1, count):
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, round(span / STEP_S))
-        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
-        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
         for k in range(1, parts + 1):
-            share = k / parts
-            reached = start + share * rise
-            chamber = arriving(supply, reached, reached, inputs.valve[i], STEP_S, f)
-            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
-            time = inputs.time[i - 1] + share * span
-            drive = Drive(
-                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
-            )
+            cycles += cycles_of(inputs, i, parts)
+            drive = driven(inputs, i, k / parts, 0.0, STEP_S, supply, cycles, f)
             _advance(handles, views, drive, bones, before, memory, new, f)
         angles[i] = position
     return angles, cycles
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
-
-    Raises:
-        RuntimeError: MuJoCo's motion is not finite.
-    """
+    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where MuJoCo's motion is not finite."""
     found = skeleton(robot, truth.body)
     bones = bones_of(found, truth.body, swings=False)
     model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
     data = mujoco.MjData(model)
     handles = (model._address, data._address)
     views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness)
-    memories: dict[str, tuple[Array, float]] = {}
-    angles, clock = [], 0.0
-    for run in protocol:
+
+    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         mujoco.mj_resetData(model, data)
-        memory, cycles = memories.get(run.specimen, (virgin(len(found.masses_kg)), 0.0))
-        inputs = inputs_of(run, truth.body, clock)
-        followed, cycles = _follow(
-            handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms
-        )
-        if not np.isfinite(followed).all():
-            raise RuntimeError(f"MuJoCo truth: run '{run.condition}' diverged")
-        memories[run.specimen] = (memory, cycles)
-        angles.append(followed)
-        clock += run.seconds
-    return angles
+        return *_follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms), True
+
+    return followed(protocol, truth, len(found.masses_kg), run_of)

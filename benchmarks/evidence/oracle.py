@@ -14,8 +14,7 @@ import numpy as np
 from benchmarks.evidence.protocols import protocol
 from benchmarks.evidence.robots import ROBOTS, Array
 from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow
-from benchmarks.evidence.strengths import Dice, draw, draw_part
-from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, robots_of
+from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw, draw_part, robots_of
 
 # Strengths that are looked at first, in shares of the largest sensible one; then a few Gauss-Newton steps.
 LOOKED_AT = (0.02, 0.06, 0.15, 0.3, 0.6)
@@ -43,9 +42,8 @@ def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
     for kind in KINDS:
         if spec.robot not in robots_of(kind):
             continue
-        dice = Dice(rng, spec.split, "functional", robot)
-        part = draw_part(kind, dice)
-        signed = "sign" in dice.drawn
+        part = draw_part(kind, "functional", robot, spec.split, rng)
+        signed = "sign" in part.drawn
         if kind == spec.kind and spec.engine == "functional":
             part = truth.parts[0]
         residual = left(HiddenTruth((part,), truth.error))

@@ -15,6 +15,7 @@ they swing too slowly to stand still between samples, in every dynamic truth. Te
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,7 +87,7 @@ def steps(levels: tuple[float, ...], hold_s: float, rise_s: float = 1.2, sample_
 
 
 def _free(condition: str, specimen: str, pressure: Array, **conditions: float | Angles | bool) -> Run:
-    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)  # type: ignore[arg-type]
+    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)
 
 
 def _loaded(condition: str, specimen: str, pressure: Array, share: float) -> Run:
@@ -97,10 +98,8 @@ def _load_steps(specimen: str) -> list[Run]:
     """The load walks through its levels, first without pressure, then at constant pressure."""
     load = LOAD_N_M * steps(LOAD_LEVELS, 9.2)
     held = 0.6 * PRESSURE_MAX_PA * np.minimum(1.0, np.arange(len(load)) / 3)
-    return [
-        Run("passive load steps", specimen, np.zeros(len(load)), load),
-        Run("load steps", specimen, held, load),
-    ]
+    pressures = {"passive load steps": np.zeros(len(load)), "load steps": held}
+    return [Run(name, specimen, pressure, load) for name, pressure in pressures.items()]
 
 
 def _closed_valve(specimen: str) -> Run:
@@ -118,51 +117,36 @@ def _step_response(specimen: str) -> Run:
     alone. A supply is late in the steps of pressure only, a sensor in all.
     """
     hold_s, rise_s, dense_s = 2.6, 0.37, 1.0
-    local = np.concatenate(
-        [np.arange(DENSE_S, dense_s, DENSE_S), np.arange(dense_s, hold_s + 1e-9, SAMPLE_S)]
-    )
+    dense = np.arange(DENSE_S, dense_s, DENSE_S)
+    local = np.concatenate([dense, np.arange(dense_s, hold_s + 1e-9, SAMPLE_S)])
     share = np.minimum(1.0, local / rise_s)
     up, rest = share - np.sin(2 * np.pi * share) / (2 * np.pi), np.ones(len(local))
     none = 0 * rest
     pressure = [0.8 * up, 0.8 * (1 - up), 0.5 * up, 0.5 * (1 - up), none, none, none]
     load = [none, none, none, none, up, 1 - 2 * up, up - 1]
     clock = np.concatenate([k * hold_s + local for k in range(len(load))])
-    return Run(
-        DENSE,
-        specimen,
-        PRESSURE_MAX_PA * np.concatenate(pressure),
-        LOAD_N_M * np.concatenate(load),
-        time_s=clock,
-    )
+    inputs = (PRESSURE_MAX_PA * np.concatenate(pressure), LOAD_N_M * np.concatenate(load))
+    return Run(DENSE, specimen, *inputs, time_s=clock)
 
 
 def _medium(specimen: str, cycles: int = 2) -> Run:
     return _free("medium", specimen, triangles(20, [1.0] * cycles))
 
 
-def _virgin(specimen: str) -> Run:
-    return _free("virgin", specimen, triangles(12.8, [0.35, 0.35, 0.7, 0.7, 1.0, 1.0]))
+def _unloaded(specimen: str) -> list[Run]:
+    holds = PRESSURE_MAX_PA * steps((0.3, 0.7, 1.0, 0.5, 0.0), 18.0)
+    return [
+        _free("virgin", specimen, triangles(12.8, [0.35, 0.35, 0.7, 0.7, 1.0, 1.0])),
+        _free("slow", specimen, triangles(80, [1.0])),
+        _free("fast", specimen, triangles(4.8, [1.0] * 7)),
+        _free("holds", specimen, holds),
+    ]
 
 
-def _slow(specimen: str) -> Run:
-    return _free("slow", specimen, triangles(80, [1.0]))
-
-
-def _fast(specimen: str) -> Run:
-    return _free("fast", specimen, triangles(4.8, [1.0] * 7))
-
-
-def _holds(specimen: str) -> Run:
-    return _free("holds", specimen, PRESSURE_MAX_PA * steps((0.3, 0.7, 1.0, 0.5, 0.0), 18.0))
-
-
-def _rich(specimen: str, load_steps: bool) -> list[Run]:
+def _rich(specimen: str, load_steps: bool = True) -> list[Run]:
     cycles = triangles(20, [1.0, 1.0])
     return [
-        _virgin(specimen),
-        _slow(specimen),
-        _fast(specimen),
-        _holds(specimen),
+        *_unloaded(specimen),
         _loaded("load +", specimen, cycles, 1.0),
         _loaded("load -", specimen, 0.6 * cycles, -1.0),
         _free("horizontal", specimen, triangles(20, [1.0] * 3), base_angles_rad=(0.0, np.pi / 2, 0.0)),
@@ -177,39 +161,34 @@ def _rich(specimen: str, load_steps: bool) -> list[Run]:
 
 
 def _rates(specimen: str) -> list[Run]:
-    one_round = [_slow(specimen), _fast(specimen), _medium(specimen), _medium(specimen)]
-    return [_medium(specimen, 3), *one_round, *one_round]
+    _, slow, fast, _ = _unloaded(specimen)
+    return [_medium(specimen, 3), *[slow, fast, _medium(specimen), _medium(specimen)] * 2]
 
 
 def _example(specimen: str) -> list[Run]:
     loaded = _loaded("load +", specimen, triangles(20, [1.0, 1.0]), 1.0)
-    kinds = [_virgin, _slow, _fast, _holds]
-    return [*(make(specimen) for make in kinds), loaded, *_load_steps(specimen), _medium(specimen)]
+    return [*_unloaded(specimen), loaded, *_load_steps(specimen), _medium(specimen)]
+
+
+# The runs of each protocol, specimen by specimen.
+PROTOCOLS: dict[str, Callable[[], list[Run]]] = {
+    "rich": lambda: [*_rich("A"), *_rich("B")],
+    "rich_noload": lambda: [*_rich("A", False), *_rich("B", False)],
+    "rates": lambda: _rates("A"),
+    "poor": lambda: [_medium("A", 3) for _ in range(5)],
+    "example": lambda: [*_example("A"), *_example("B")],
+}
+NAMES = tuple(PROTOCOLS)
 
 
 def protocol(name: str, robot: Robot = JOINT) -> Protocol:
     """The runs of a protocol that this robot can do, in the order in which they are done."""
-    return tuple(run for run in _runs(name) if _possible(run, robot))
+    if name not in PROTOCOLS:
+        raise ValueError(f"no protocol '{name}': {', '.join(NAMES)}")
 
+    def possible(run: Run) -> bool:
+        if run.condition == DENSE:
+            return robot.modules == 1
+        return run.valve_open is None or not robot.tendon
 
-def _possible(run: Run, robot: Robot) -> bool:
-    if run.condition == DENSE:
-        return robot.modules == 1
-    return run.valve_open is None or not robot.tendon
-
-
-def _runs(name: str) -> list[Run]:
-    if name == "rich":
-        return [*_rich("A", True), *_rich("B", True)]
-    if name == "rich_noload":
-        return [*_rich("A", False), *_rich("B", False)]
-    if name == "rates":
-        return _rates("A")
-    if name == "poor":
-        return [_medium("A", 3) for _ in range(5)]
-    if name == "example":
-        return [*_example("A"), *_example("B")]
-    raise ValueError(f"no protocol '{name}': {', '.join(NAMES)}")
-
-
-NAMES = ("rich", "rich_noload", "rates", "poor", "example")
+    return tuple(run for run in PROTOCOLS[name]() if possible(run))

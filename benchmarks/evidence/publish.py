@@ -5,11 +5,11 @@ The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence.tasks import Plan, Task
+from benchmarks.evidence.tasks import Plan
 from benchmarks.evidence.truths import FOURTEEN
 from benchmarks.evidence.workers import ORACLE_GROUP
 from benchmarks.output import ROOT
@@ -89,53 +89,52 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
 
 def kinds(data: dict[str, Any]) -> Iterator[str]:
     """How often every effect was named."""
-    yield "![Answers in % of what was hidden](pictures/bench_confusion.png)"
-    yield ""
-    yield "| hidden | strictly | by class | answered otherwise |"
-    yield "|---|---|---|---|"
     answers = data["confusion"].get("effect", {})
-    for kind, value in sorted(
-        data["by_kind"].items(), key=lambda entry: (entry[0] not in FOURTEEN, entry[0])
-    ):
-        other = {a: n for a, n in answers.get(kind, {}).items() if a != kind}
-        yield f"| `{kind}` | {_of(value)} | {_of(value['by_class'])} | {_counts(other, _words)} |"
+    order = sorted(data["by_kind"].items(), key=lambda entry: (entry[0] not in FOURTEEN, entry[0]))
+    yield from ("![Answers in % of what was hidden](pictures/bench_confusion.png)", "")
+    yield from pages.table(
+        "hidden | strictly | by class | answered otherwise",
+        ((f"`{k}`", _of(v), _of(v["by_class"]), _counts(answers.get(k, {}), _words, (k,))) for k, v in order),
+    )
 
 
 def unknown(data: dict[str, Any]) -> Iterator[str]:
     """Every form that no plugin has."""
-    yield "| form | recognised | answered otherwise |"
-    yield "|---|---|---|"
-    answers = data["confusion"].get("unknown", {})
-    for kind, value in data["unknown_by_form"].items():
-        other = {
-            a: n for a, n in answers.get(kind, {}).items() if a not in ("unknown_effect", "not_repeatable")
-        }
-        yield f"| `{kind}` | {_of(value)} | {_counts(other, _words)} |"
+    answers, right = data["confusion"].get("unknown", {}), ("unknown_effect", "not_repeatable")
+    yield from pages.table(
+        "form | recognised | answered otherwise",
+        (
+            (f"`{kind}`", _of(value), _counts(answers.get(kind, {}), _words, right))
+            for kind, value in data["unknown_by_form"].items()
+        ),
+    )
 
 
 def strength(data: dict[str, Any]) -> Iterator[str]:
     """By the RMS change of the readings."""
-    yield "![Share that is right by strength](pictures/bench_strength.png)"
-    yield ""
-    yield "| RMS change, σ | strictly | by class |"
-    yield "|---|---|---|"
-    for band in data["by_snr"]:
-        if band["n"]:
-            yield f"| {band['above']:g} to {band['below']:g} | {_long(band)} | {_long(band['by_class'])} |"
+    yield from ("![Share that is right by strength](pictures/bench_strength.png)", "")
+    bands = [band for band in data["by_snr"] if band["n"]]
+    yield from pages.table(
+        "RMS change, σ | strictly | by class",
+        ((f"{b['above']:g} to {b['below']:g}", _long(b), _long(b["by_class"])) for b in bands),
+    )
 
 
 def protocols(data: dict[str, Any]) -> Iterator[str]:
     """By protocol, engine and robot."""
-    yield "| | effects, strictly | by class | nothing hidden: right |"
-    yield "|---|---|---|---|"
-    for name, value in data["by_protocol"].items():
-        effects = value["effects"]
-        yield f"| protocol `{name}` | {_long(effects)} | {_long(effects['by_class'])} | {_of(value['clean'])} |"
+    rows = [
+        (f"protocol `{name}`", value["effects"], _of(value["clean"]))
+        for name, value in data["by_protocol"].items()
+    ]
     for what in ("engine", "robot"):
         for name, value in data[f"by_{what}"].items():
             alarms = data["false_alarms_by_engine"].get(name, {}) if what == "engine" else {}
             clean = f"{alarms['right']} alarms in {alarms['n']}" if alarms else ""
-            yield f"| {what} `{name}` | {_long(value)} | {_long(value['by_class'])} | {clean} |"
+            rows.append((f"{what} `{name}`", value, clean))
+    yield "| | effects, strictly | by class | nothing hidden: right |"
+    yield "|---|---|---|---|"
+    for name, value, clean in rows:
+        yield f"| {name} | {_long(value)} | {_long(value['by_class'])} | {clean} |"
 
 
 def planned(data: dict[str, Any]) -> Iterator[str]:
@@ -149,22 +148,27 @@ def planned(data: dict[str, Any]) -> Iterator[str]:
 
 def stated(data: dict[str, Any]) -> Iterator[str]:
     """Bins of equal mass."""
-    yield "![Share that is true against the probability that was stated](pictures/bench_reliability.png)"
-    yield ""
-    yield "| probability of the first hypothesis | stated, mean | true |"
-    yield "|---|---|---|"
-    for row in data["calibration"]["bins"]:
-        yield f"| {row['above']:.3f} to {row['below']:.3f} | {row['stated']:.3f} | {_long(row)} |"
+    yield from (
+        "![Share that is true against the probability that was stated](pictures/bench_reliability.png)",
+        "",
+    )
+    yield from pages.table(
+        "probability of the first hypothesis | stated, mean | true",
+        (
+            (f"{row['above']:.3f} to {row['below']:.3f}", f"{row['stated']:.3f}", _long(row))
+            for row in data["calibration"]["bins"]
+        ),
+    )
 
 
 def times(data: dict[str, Any]) -> Iterator[str]:
     """Sets and processor time of every group."""
     wanted = data.get("planned", {})
-    yield "| group | sets | planned | one, median, s of CPU | all, min of CPU |"
-    yield "|---|---|---|---|---|"
-    for name, value in data["time"].items():
-        cells = value["n"], wanted.get(name, "–"), _number(value["median"]), f"{value['cpu_s'] / 60:.1f}"
-        yield f"| {name} | {' | '.join(str(cell) for cell in cells)} |"
+    rows = (
+        (name, one["n"], wanted.get(name, "–"), _number(one["median"]), f"{one['cpu_s'] / 60:.1f}")
+        for name, one in data["time"].items()
+    )
+    yield from pages.table("group | sets | planned | one, median, s of CPU | all, min of CPU", rows)
 
 
 TABLES: pages.Tables = {
@@ -174,23 +178,17 @@ TABLES: pages.Tables = {
 
 def expected_time(plan: Plan) -> str:
     """Sets and minutes of each group, on two cores, by the seconds that one was measured to take."""
-    tasks = plan.tasks()
-    lines = [f"{'group':14s} sets  min on two cores"]
-    total = 0.0
-    for group in sorted({task.group for task in tasks}):
-        mine = [task for task in tasks if task.group == group]
-        minutes = sum(_seconds(task) for task in mine) / 60 / 2
-        total += minutes
-        lines.append(f"{group:14s} {len(mine):4d}  {minutes:6.1f}")
-    lines.append(f"{'all':14s} {len(tasks):4d}  {total:6.1f}")
-    return "\n".join(lines)
-
-
-def _seconds(task: Task) -> float:
-    robot, share = task.spec.robot, POOR if task.spec.protocol == "poor" else 1.0
-    times = 2.0 if task.group in SEARCHED else TIMES[task.mode]
-    oracle = ORACLE_S[robot] if task.group == ORACLE_GROUP else 0.0
-    return share * (MAKING_S[robot] + times * ASKING_S[robot]) + oracle
+    seconds: dict[str, list[float]] = {}
+    for task in plan.tasks():
+        robot, share = task.spec.robot, POOR if task.spec.protocol == "poor" else 1.0
+        asked = 2.0 if task.group in SEARCHED else TIMES[task.mode]
+        oracle = ORACLE_S[robot] if task.group == ORACLE_GROUP else 0.0
+        one = share * (MAKING_S[robot] + asked * ASKING_S[robot]) + oracle
+        seconds.setdefault(task.group, []).append(one)
+    rows = {group: (len(seconds[group]), sum(seconds[group]) / 60 / 2) for group in sorted(seconds)}
+    rows["all"] = tuple(sum(column) for column in zip(*rows.values(), strict=True))
+    lines = [f"{group:14s} {count:4d}  {minutes:6.1f}" for group, (count, minutes) in rows.items()]
+    return "\n".join([f"{'group':14s} sets  min on two cores", *lines])
 
 
 def _row(what: str, bar: str, value: dict[str, Any]) -> tuple[str, str, str, str]:
@@ -216,16 +214,14 @@ def _long(value: dict[str, Any]) -> str:
 
 
 def _words(answer: str) -> str:
-    return (
-        answer.replace("_", " ")
-        if answer.endswith(("missing", "effect", "data", "repeatable"))
-        else f"`{answer}`"
-    )
+    verdict = answer.endswith(("missing", "effect", "data", "repeatable"))
+    return answer.replace("_", " ") if verdict else f"`{answer}`"
 
 
-def _counts(answers: Mapping[str, int], words: Callable[[str], str] = str) -> str:
+def _counts(answers: Mapping[str, int], words: Callable[[str], str] = str, but: Sequence[str] = ()) -> str:
     """Answers and how often each was given, the most frequent first."""
-    return ", ".join(f"{words(a)} {n}" for a, n in sorted(answers.items(), key=lambda entry: -entry[1]))
+    shown = sorted(((a, n) for a, n in answers.items() if a not in but), key=lambda entry: -entry[1])
+    return ", ".join(f"{words(a)} {n}" for a, n in shown)
 
 
 def _number(value: float | None) -> str:

@@ -24,26 +24,19 @@ INK, GREY, BLUE, ORANGE = "#222222", "#9a9a9a", "#1f77b4", "#d95f02"
 VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", "insufficient_data")
 
 
-def draw_all(data: dict[str, Any], folder: Path) -> list[Path]:
-    """Draw the three pictures as PNG files; their paths."""
+def draw_all(data: dict[str, Any], folder: Path) -> None:
+    """Draw the three pictures as PNG files."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = []
-    for name, draw in (("confusion", confusion), ("reliability", reliability), ("strength", strength)):
-        path = folder / f"bench_{name}.png"
+    for draw in (confusion, reliability, strength):
         figure = draw(data)
-        figure.savefig(path, dpi=90)
+        figure.savefig(folder / f"bench_{draw.__name__}.png", dpi=90)
         plt.close(figure)
-        made.append(path)
-    return made
 
 
 def matrix(data: dict[str, Any]) -> tuple[list[str], list[str], np.ndarray]:
     """Rows (hidden), columns (answered), shares of each row in %."""
-    rows = {
-        k: row
-        for group in ("effect", "clean", "unknown")
-        for k, row in data["confusion"].get(group, {}).items()
-    }
+    groups = (data["confusion"].get(group, {}) for group in ("effect", "clean", "unknown"))
+    rows = {kind: row for group in groups for kind, row in group.items()}
     hidden = [kind for kind in (*KINDS, CLEAN, *UNKNOWN) if kind in rows]
     columns = [*KINDS, SEVERAL, *VERDICTS]
     shares = np.zeros((len(hidden), len(columns)))
@@ -89,12 +82,8 @@ def reliability(data: dict[str, Any]) -> Any:
         spread = [[row["share"] - row["low"]], [row["high"] - row["share"]]]
         axis.errorbar(row["stated"], row["share"], yerr=spread, color=BLUE, marker="o", ms=5, capsize=3)
     words = "" if found["error"] is None else f"error {found['error']:.3f}, Brier score {found['brier']:.3f}"
-    axis.set(
-        xlabel="stated probability of the first hypothesis",
-        ylabel="share that is true",
-        xlim=(0, 1.03),
-        ylim=(0, 1.03),
-    )
+    axis.set(xlabel="stated probability of the first hypothesis", ylabel="share that is true")
+    axis.set(xlim=(0, 1.03), ylim=(0, 1.03))
     axis.set_title(f"{found['n']} cases in bins of equal mass\n{words}", fontsize=10)
     return figure
 
@@ -106,12 +95,9 @@ def strength(data: dict[str, Any]) -> Any:
     places = np.arange(len(bands))
     shown = ((-0.1, ORANGE, "strictly", bands), (0.1, BLUE, "by class", [b["by_class"] for b in bands]))
     for offset, colour, label, values in shown:
-        low = [v["share"] - v["low"] for v in values]
-        high = [v["high"] - v["share"] for v in values]
-        shares = [v["share"] for v in values]
-        axis.errorbar(
-            places + offset, shares, yerr=[low, high], fmt="o", color=colour, capsize=3, label=label
-        )
+        shares, low, high = (np.array([v[key] for v in values]) for key in ("share", "low", "high"))
+        spread = [shares - low, high - shares]
+        axis.errorbar(places + offset, shares, spread, fmt="o", color=colour, capsize=3, label=label)
     axis.set_xticks(places, [f"{b['above']:g} to {b['below']:g}\n{b['n']} sets" for b in bands])
     axis.set(xlabel="change of the readings, RMS in σ", ylabel="right effect named", ylim=(0, 1.03))
     axis.legend(loc="lower right", frameon=False)

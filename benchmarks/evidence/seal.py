@@ -40,8 +40,7 @@ def unseal(text: str, key: bytes) -> dict[str, Any]:
         raise BrokenSealError("this is no sealed label: nonce, digest and secret in hexadecimal") from error
     if not hmac.compare_digest(digest, _digest(key, nonce, secret)):
         raise BrokenSealError("the label was changed after it was sealed, or the key is not its own")
-    label: dict[str, Any] = json.loads(_added(secret, key, nonce))
-    return label
+    return json.loads(_added(secret, key, nonce))
 
 
 def judge_key(path: Path) -> bytes:

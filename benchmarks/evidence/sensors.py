@@ -50,8 +50,7 @@ def sensed(angle: Array, time_s: Array, sensor: Sensor, slip: float) -> Array:
     if sensor.wave_rad:
         seen = seen + sensor.wave_rad * np.sin(2 * np.pi * seen / sensor.wave_period_rad + sensor.wave_phase)
     scaled = seen * (1 + sensor.scale * (1 + sensor.curvature * seen / TYPICAL_RAD))
-    shifted: Array = scaled + sensor.bias_rad + sensor.slip_rad * slip
-    return shifted
+    return scaled + sensor.bias_rad + sensor.slip_rad * slip
 
 
 def play(angle: Array, width: float) -> Array:

@@ -7,26 +7,28 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, noise
+from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
 from benchmarks.evidence.protocols import Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
-from benchmarks.evidence.strengths import draw
 from benchmarks.evidence.truths import (
     CLEAN,
     Engine,
     HiddenTruth,
     Split,
     Truth,
+    draw,
     hidden_kinds,
     right_verdicts,
 )
+
+from pliant.experiments.planned_run import PlannedRun
 
 ENGINES: dict[str, Any] = {
     "functional": functional_truth,
@@ -37,6 +39,38 @@ SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
 SCALING_TOLERANCE, SCALING_ROUNDS = 0.02, 12
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """σ² is split into a first-order autoregressive share and a white one; offsets per run come on top.
+
+    Attributes:
+        coloured_share: share of the variance within a run that is coloured.
+        correlation_s: its autocorrelation falls to 1/e after this time.
+        run_offset: standard deviation of a run's offset, in σ.
+    """
+
+    coloured_share: float = 0.5
+    correlation_s: float = 4.0
+    run_offset: float = 0.25
+
+
+# Thresholds are calibrated under another spectrum than they are judged under.
+SPECTRA = {"judged": Spectrum(), "calibration": Spectrum(0.65, 2.5, 0.2)}
+
+
+def noise_of(spectrum: Spectrum, clock: Array, rng: np.random.Generator) -> Array:
+    """(t,) noise of unit σ for a run sampled at these times: coloured and white, with an offset."""
+    keep = np.exp(-np.diff(clock) / spectrum.correlation_s).tolist()
+    pushes = rng.standard_normal(len(clock)).tolist()
+    coloured = [pushes[0]]  # the first value has the stationary spread
+    for kept, push in zip(keep, pushes[1:], strict=True):
+        coloured.append(kept * coloured[-1] + math.sqrt(1.0 - kept * kept) * push)
+    within = np.sqrt(spectrum.coloured_share) * np.array(coloured)
+    within += np.sqrt(1 - spectrum.coloured_share) * rng.standard_normal(len(clock))
+    return within + spectrum.run_offset * rng.standard_normal()
+
 
 Outputs = list[dict[str, Array]]
 # Noiseless outputs at a strength for each part.
@@ -102,12 +136,20 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
     clean = outputs_of(truth, spec.engine)()
     sigma = noise_sizes(clean)
-    scaled = _each_alone(spec, truth, outputs_of, clean, sigma, targets)
+    scaled = []  # each part to its own target
+    for index, target in enumerate(targets if spec.kind != CLEAN else ()):
+        part, guess = truth.alone(index), target / 2
+        largest = part.parts[0].largest
+        if spec.engine != "functional":  # the fast engine knows nearly the strength
+            still = outputs_of(part, "functional")
+            nearly = _scaled(still, largest, still(), sigma, target, guess)
+            guess = nearly.strength if nearly.signal > 0 else guess
+        scaled.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
     hidden = scaled[0].outputs if len(scaled) == 1 else clean
     if len(scaled) > 1:
         hidden = outputs_of(truth, spec.engine)(*(part.strength for part in scaled))
     snr = signal(clean, hidden, sigma)
-    measured = _with_noise(hidden, sigma, runs, noise.SPECTRA[spec.split], rng)
+    measured = _with_noise(hidden, sigma, runs, spec.split, rng)
     csv = to_csv(runs, measured, robot)
     label = {
         **asdict(spec),
@@ -127,21 +169,16 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
     """Noiseless outputs of every run: what its sensors read."""
-    angles = ENGINES[engine].follow(robot, runs, truth)
-    return [
-        _read(robot, run, q, truth, slip) for run, q, slip in zip(runs, angles, slips.tolist(), strict=True)
-    ]
-
-
-def _read(robot: Robot, run: Run, angles: Array, truth: Truth, slip: float) -> dict[str, Array]:
-    ideal = readings(robot, angles, run.base_angles_rad, truth.body)
-    names = (*robot.outputs, *robot.second) if run.second else robot.outputs
-    return {
-        name: sensed(ideal[name], run.time_s, truth.sensor, slip)
-        if name.endswith("angle_rad")
-        else ideal[name]
-        for name in names
-    }
+    outputs = []
+    for run, angles, slip in zip(
+        runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
+    ):
+        ideal = readings(robot, angles, run.base_angles_rad, truth.body)
+        names = (*robot.outputs, *robot.second) if run.second else robot.outputs
+        turns = [name for name in names if name.endswith("angle_rad")]
+        seen = {name: sensed(ideal[name], run.time_s, truth.sensor, slip) for name in turns}
+        outputs.append({name: seen.get(name, ideal[name]) for name in names})
+    return outputs
 
 
 def noise_sizes(clean: Outputs) -> dict[str, float]:
@@ -158,8 +195,7 @@ def signal(clean: Outputs, hidden: Outputs, sigma: dict[str, float]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
-@dataclass(frozen=True)
-class Scaled:
+class Scaled(NamedTuple):
     """One effect alone at its strength: what the bench would read, and how far that is from clean, in σ."""
 
     strength: float
@@ -167,36 +203,8 @@ class Scaled:
     signal: float
 
 
-def _each_alone(
-    spec: SetSpec,
-    truth: HiddenTruth,
-    outputs_of: Callable[[HiddenTruth, str], Follow],
-    clean: Outputs,
-    sigma: dict[str, float],
-    targets: list[float],
-) -> list[Scaled]:
-    """Every part scaled to its own target; nothing for a clean set."""
-    if spec.kind == CLEAN:
-        return []
-    found = []
-    for index, target in enumerate(targets):
-        part, guess = truth.alone(index), target / 2
-        largest = part.parts[0].largest
-        if spec.engine != "functional":  # the fast engine knows nearly the strength
-            still = outputs_of(part, "functional")
-            nearly = _scaled(still, largest, still(), sigma, target, guess)
-            guess = nearly.strength if nearly.signal > 0 else guess
-        found.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
-    return found
-
-
 def _scaled(
-    outputs: Follow,
-    largest: float,
-    clean: Outputs,
-    sigma: dict[str, float],
-    target: float,
-    guess: float,
+    outputs: Follow, largest: float, clean: Outputs, sigma: dict[str, float], target: float, guess: float
 ) -> Scaled:
     """At the strength at which the signal is the target, or at the largest sensible one below it.
 
@@ -217,14 +225,9 @@ def _scaled(
     return Scaled(strength, hidden, reached)
 
 
-def _with_noise(
-    outputs: Outputs,
-    sigma: dict[str, float],
-    runs: Protocol,
-    spectrum: noise.Spectrum,
-    rng: np.random.Generator,
-) -> Outputs:
-    drawn = {key: noise.draw(spectrum, [run.time_s for run in runs], rng) for key in sigma}
+def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:
+    """The readings with noise of each output in turn, run by run."""
+    drawn = {key: [noise_of(SPECTRA[split], run.time_s, rng) for run in runs] for key in sigma}
     return [
         {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
         for i, run in enumerate(outputs)
@@ -258,6 +261,37 @@ def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     return "\n".join(lines) + "\n"
 
 
-def minutes(name: str) -> float:
-    """Bench time of a protocol's motion, without rests."""
-    return math.fsum(run.seconds for run in protocol(name)) / 60
+def bench_run(run: PlannedRun, robot: Robot, number: int = 1) -> Run:
+    """A run of the catalogue as the bench does it: same inputs, loads and conditions; `number` names a new specimen."""
+    history = run.history
+    roll, pitch, yaw = (float(angle) for angle in history.base_angles_rad[0])
+    return Run(
+        run.name,
+        f"new {number}" if run.new_specimen else history.specimen,
+        history.actuation[robot.drive] * (PRESSURE_MAX_PA / robot.drive_max),
+        history.moment_n_m,
+        temperature_c=float(history.temperature_c[0]),
+        base_angles_rad=(roll, pitch, yaw),
+        valve_open=history.valve_open,
+        second=bool(run.adds),
+        time_s=history.time_s,
+    )
+
+
+def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed: int = 0) -> str:
+    """The CSV of these runs alone, recorded after those of the set: `pliant diagnose --data set.csv --data added.csv`.
+
+    The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same
+    seed.
+    """
+    robot, before = ROBOTS[spec.robot], protocol(spec.protocol, ROBOTS[spec.robot])
+    truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
+    added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
+    every = (*before, *added)
+    rng = np.random.default_rng([seed, *spec.generator().integers(0, 2**31, 4)])
+    slips = rng.standard_normal(len(every))
+    read = follow(spec.engine, robot, every, truth.at(*made.label["strengths"]), slips)[len(before) :]
+    sizes = noise_sizes(read) | made.sigma
+    sigma = {name: sizes[name] for run in read for name in run}
+    noisy = _with_noise(read, sigma, tuple(added), spec.split, rng)
+    return to_csv(tuple(added), noisy, robot)

@@ -130,21 +130,18 @@ def turn(vector: Array) -> Array:
         return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return rotation
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def base_turn(angles_rad: tuple[float, float, float], body: Body) -> Array:
     """(3, 3) of the base: turned about world x, y, z in that order, with the mount's own tilt inside."""
     x, y, z = (turn(angle * np.eye(3)[k]) for k, angle in enumerate(angles_rad))
-    total: Array = z @ y @ x @ body.tilt
-    return total
+    return z @ y @ x @ body.tilt
 
 
 def gravity_on(angles_rad: tuple[float, float, float], body: Body) -> Array:
     """(3,) gravity as the base sees it, m/s²."""
-    seen: Array = base_turn(angles_rad, body).T @ GRAVITY
-    return seen
+    return base_turn(angles_rad, body).T @ GRAVITY
 
 
 def tips(bones: Skeleton, angles: Array, base: Array) -> Array:
@@ -156,8 +153,7 @@ def tips(bones: Skeleton, angles: Array, base: Array) -> Array:
         cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
         s, c = np.sin(angles[:, j])[:, None, None], np.cos(angles[:, j])[:, None, None]
         rotation = rotation @ (np.eye(3) + s * cross + (1 - c) * cross @ cross)
-    tip: Array = place + rotation @ bones.tip_m
-    return tip
+    return place + rotation @ bones.tip_m
 
 
 def joint_angles(bones: Skeleton, angles: Array) -> Array:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -41,18 +42,7 @@ UNKNOWN_ROBOT = "joint"
 
 # Whatever changes the measured sets: a change there makes other sets, with other names.
 TRUTH_FILES = (
-    "robots",
-    "skeleton",
-    "protocols",
-    "forms",
-    "sensors",
-    "truths",
-    "strengths",
-    "functional_truth",
-    "mujoco_truth",
-    "explicit_truth",
-    "noise",
-    "sets",
+    "robots skeleton protocols forms sensors truths functional_truth mujoco_truth explicit_truth sets"
 )
 
 
@@ -60,7 +50,7 @@ TRUTH_FILES = (
 def truth_digest() -> str:
     """Digest of the code that makes the sets."""
     here = Path(__file__).parent
-    return digest(here / f"{name}.py" for name in TRUTH_FILES)
+    return digest(here / f"{name}.py" for name in TRUTH_FILES.split())
 
 
 def digest(files: Iterable[Path]) -> str:
@@ -116,83 +106,38 @@ class Plan:
 
     def tasks(self) -> list[Task]:
         """All tasks, or the first `share` of them, in an order in which any beginning is a fair part of every group."""
-        every = [
-            *self._effects(),
-            *self._clean(),
-            *self._unknown(),
-            *self._weak(),
-            *self._beside("poor", self.poor),
-            *self._beside("rich_noload", self.noload),
-            *self._plan(),
-            *self._improve(),
-            *self._pairs(),
-        ]
+        usual = {kind: robots_of(kind)[0] for kind in (*KINDS, CLEAN)}
+        every = [Task("effect", self._set(kind, seed)) for kind in KINDS for seed in range(self.seeds)]
+        every += [Task("clean", self._set(CLEAN, seed)) for seed in range(self.clean)]
+        for kind in UNKNOWN:
+            every += [Task("unknown", self._set(kind, seed, UNKNOWN_ROBOT)) for seed in range(self.unknown)]
+        for kind, snr, seed in itertools.product(KINDS, WEAK_SNR, range(self.weak)):
+            every.append(Task("weak", self._set(kind, seed, usual[kind], snr=snr)))
+        for name, count in (("poor", self.poor), ("rich_noload", self.noload)):
+            for kind, robot in usual.items():
+                every += [Task(name, self._set(kind, seed, robot, name)) for seed in range(count)]
+        for seed in range(self.plan):
+            # Effects in turn, of those that a poor recording of one joint shows.
+            spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")
+            every += [Task("plan", spec, mode) for mode in PLANS]
+        for kind in KINDS:
+            sets = (self._set(kind, seed, usual[kind]) for seed in range(self.improve))
+            every += [Task("improve", spec, "improve") for spec in sets]
+        for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
+            every.append(Task("pair", self._set(kind, seed, "joint")))
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
         mixed = _interleaved(kept)
         return mixed[: max(1, round(self.share * len(mixed)))]
 
     def _set(
-        self,
-        kind: str,
-        seed: int,
-        robot: str | None = None,
-        protocol: str | None = None,
-        snr: float | None = None,
+        self, kind: str, seed: int, robot: str = "", protocol: str = "", snr: float | None = None
     ) -> SetSpec:
         other = self.other_every > 0 and seed % self.other_every == self.other_every - 1
         usual, second = robots_of(kind.split(PLUS)[0])
         name = robot or (second if other else usual)
         engines = ENGINES[self.split, name == "joint"]
-        return SetSpec(
-            kind=kind,
-            seed=seed,
-            engine=engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)],
-            robot=name,
-            protocol=protocol or self.protocol,
-            split=self.split,
-            snr=snr,
-        )
-
-    def _effects(self) -> Iterator[Task]:
-        for kind in KINDS:
-            yield from (Task("effect", self._set(kind, seed)) for seed in range(self.seeds))
-
-    def _clean(self) -> Iterator[Task]:
-        yield from (Task("clean", self._set(CLEAN, seed)) for seed in range(self.clean))
-
-    def _unknown(self) -> Iterator[Task]:
-        for kind in UNKNOWN:
-            yield from (Task("unknown", self._set(kind, seed, UNKNOWN_ROBOT)) for seed in range(self.unknown))
-
-    def _weak(self) -> Iterator[Task]:
-        for kind in KINDS:
-            for snr in WEAK_SNR:
-                yield from (
-                    Task("weak", self._set(kind, seed, robots_of(kind)[0], snr=snr))
-                    for seed in range(self.weak)
-                )
-
-    def _beside(self, name: str, count: int) -> Iterator[Task]:
-        for kind in (*KINDS, CLEAN):
-            robot = robots_of(kind)[0]
-            yield from (Task(name, self._set(kind, seed, robot, name)) for seed in range(count))
-
-    def _plan(self) -> Iterator[Task]:
-        for seed in range(self.plan):
-            # Effects in turn, of those that a poor recording of one joint shows.
-            spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")
-            yield from (Task("plan", spec, mode) for mode in ("suggested", "random"))
-
-    def _improve(self) -> Iterator[Task]:
-        for kind in KINDS:
-            seeds = range(self.improve)
-            yield from (
-                Task("improve", self._set(kind, seed, robots_of(kind)[0]), "improve") for seed in seeds
-            )
-
-    def _pairs(self) -> Iterator[Task]:
-        for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
-            yield Task("pair", self._set(kind, seed, "joint"))
+        engine = engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)]
+        return SetSpec(kind, seed, engine, name, protocol or self.protocol, self.split, snr)
 
 
 def _interleaved(tasks: Sequence[Task]) -> list[Task]:
@@ -221,10 +166,7 @@ def _interleaved(tasks: Sequence[Task]) -> list[Task]:
 
 def planned(plan: Plan) -> dict[str, int]:
     """Sets of each group in the whole plan, whatever share of it is done."""
-    counts: dict[str, int] = {}
-    for task in replace(plan, share=1.0).tasks():
-        counts[task.group] = counts.get(task.group, 0) + 1
-    return counts
+    return dict(Counter(task.group for task in replace(plan, share=1.0).tasks()))
 
 
 def pairs_of(split: Split, count: int) -> list[str]:
@@ -234,22 +176,12 @@ def pairs_of(split: Split, count: int) -> list[str]:
     return [every[order[i % len(every)]] for i in range(count)]
 
 
+SMALL_KINDS = (CLEAN, "stiffness", "viscous_damping", "mullins", "leak", "sensor_lag", "cross_axis")
+SMALL_KINDS += ("tendon_friction", "torque_ripple", "run_slip")
+
+
 def small_plan() -> Plan:
     """A few of every group for CI: at most ten minutes on two cores."""
     return Plan(
         kinds=SMALL_KINDS, seeds=1, clean=4, unknown=1, pairs=0, weak=0, poor=1, noload=0, plan=1, improve=0
     )
-
-
-SMALL_KINDS = (
-    CLEAN,
-    "stiffness",
-    "viscous_damping",
-    "mullins",
-    "leak",
-    "sensor_lag",
-    "cross_axis",
-    "tendon_friction",
-    "torque_ripple",
-    "run_slip",
-)

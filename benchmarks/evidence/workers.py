@@ -14,19 +14,10 @@ import numpy as np
 from benchmarks.evidence import diagnosers, seal
 from benchmarks.evidence.tasks import Task
 
-KEPT = (
-    "verdict",
-    "selected",
-    "hypotheses",
-    "credible_set",
-    "classes",
-    "not_excited",
-    "indistinguishable",
-    "n_effective",
-    "n_samples",
-    "next_experiment",
-    "steps",
-)
+from pliant.store.store import write_atomically
+
+KEPT = {"verdict", "selected", "hypotheses", "credible_set", "classes", "not_excited", "indistinguishable"}
+KEPT |= {"n_effective", "n_samples", "next_experiment", "steps"}
 # Of a hypothesis the judge needs no more.
 HYPOTHESIS = ("kinds", "probability", "rmse_over_floor")
 # Its sets are also given to the scorer that knows the true forms.
@@ -49,9 +40,9 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> None:
         from benchmarks.evidence.oracle import mean_squares
 
         label["mean_squares"] = mean_squares(task.spec, made)
-    write(folder / f"{name}.csv", made.csv)
-    write(folder / f"{name}_study.yaml", made.study)
-    write(sealed, seal.seal(label, key))
+    write_atomically(folder / f"{name}.csv", made.csv)
+    write_atomically(folder / f"{name}_study.yaml", made.study)
+    write_atomically(sealed, seal.seal(label, key))
 
 
 def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list[str]:
@@ -59,26 +50,22 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
 
     Returns their names. Runs that are drawn differ from each other.
     """
-    from benchmarks.evidence.added_runs import added_csv
-    from benchmarks.evidence.sets import make_set
+    from benchmarks.evidence.sets import added_csv, make_set
 
-    runs = _menu_of(folder / f"{name}_study.yaml", folder / f"{name}.csv")
-    rng = np.random.default_rng(_seed(name))
-    order = iter(rng.permutation(len(runs)))
-    named = {run.name: run for run in runs}
-    taken = [runs[next(order)] if one == ANY else named[one] for one in chosen]
-    write(folder / f"{name}_added.csv", added_csv(task.spec, make_set(task.spec), taken))
-    return [run.name for run in taken]
-
-
-def _menu_of(study: Path, csv: Path) -> Sequence[Any]:
     from pliant import api
     from pliant.experiments.experiment_catalogue import timed_catalogue
     from pliant.experiments.planned_run import BenchScale
 
     with tempfile.TemporaryDirectory() as store:
-        model = api.predictor(api.open_study(study, store=Path(store)), csv)
-        return timed_catalogue(BenchScale.of_measurement(model.chain, model.measurement))
+        opened = api.open_study(folder / f"{name}_study.yaml", store=Path(store))
+        model = api.predictor(opened, folder / f"{name}.csv")
+        runs = timed_catalogue(BenchScale.of_measurement(model.chain, model.measurement))
+    rng = np.random.default_rng(_seed(name))
+    order = iter(rng.permutation(len(runs)))
+    named = {run.name: run for run in runs}
+    taken = [runs[next(order)] if one == ANY else named[one] for one in chosen]
+    write_atomically(folder / f"{name}_added.csv", added_csv(task.spec, make_set(task.spec), taken))
+    return [run.name for run in taken]
 
 
 @dataclass(frozen=True)
@@ -106,7 +93,7 @@ def ask(question: Question) -> dict[str, Any]:
     try:
         diagnoser = diagnosers.load(question.module, question.verb)
         result = diagnoser(f"{path}_study.yaml", data, _seed(name))
-        line["result"] = {key: result[key] for key in KEPT if key in result}
+        line["result"] = {key: value for key, value in result.items() if key in KEPT}
         if "hypotheses" in result:
             line["result"]["hypotheses"] = [
                 {key: one[key] for key in HYPOTHESIS if key in one} for one in result["hypotheses"]
@@ -118,9 +105,3 @@ def ask(question: Question) -> dict[str, Any]:
 
 def _seed(name: str) -> int:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
-
-
-def write(path: Path, text: str) -> None:
-    temporary = path.with_suffix(path.suffix + ".part")
-    temporary.write_text(text)
-    temporary.replace(path)

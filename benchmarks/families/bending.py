@@ -15,8 +15,7 @@ pure moment F (13 mm + z).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.families.published_y import solver_of
@@ -40,8 +39,7 @@ BARS = {5e3: 3.0, 10e3: 3.0, 15e3: 4.0}  # % RMS
 SETTLED_RAD = 1e-7
 
 
-@dataclass(frozen=True, eq=False)
-class Published:
+class Published(NamedTuple):
     """Columns of the table."""
 
     pressure: Array
@@ -49,15 +47,8 @@ class Published:
     angle: Array
     moment: Array
 
-    @staticmethod
-    def read() -> Published:
-        table = reference_table(TABLE.name)
-        assert table is not None
-        names = ("pressure_pa", "edge_force_n", "half_angle_rad", "moment_n_m")
-        return Published(*(table[name] for name in names))
-
     def rows(self, keep: Array) -> Published:
-        return Published(*(getattr(self, name)[keep] for name in ("pressure", "force", "angle", "moment")))
+        return Published(*(column[keep] for column in self))
 
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
@@ -71,9 +62,10 @@ def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, 
     states = [model.rest()]
     for pressure in FREE_PA:
         states.append(model.free(pressure, states[-1]))
-    slope = [-MU_PA * s.dmoment_dp / s.dmoment_du / 2 for s in states]
-    ratio = [s.actuation / MU_PA for s in states]
-    curve = CubicHermiteSpline(ratio, [s.angle_rad / 2 for s in states], slope)
+    points = [
+        (s.actuation / MU_PA, s.angle_rad / 2, -MU_PA * s.dmoment_dp / s.dmoment_du / 2) for s in states
+    ]
+    curve = CubicHermiteSpline(*zip(*points, strict=True))
     free = published.rows(published.force == 0)
 
     def error(mu: float) -> float:
@@ -81,13 +73,8 @@ def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, 
 
     best = minimize_scalar(error, bounds=(210e3, 285e3), method="bounded")
     share = (curve(free.pressure / best.x) / np.where(free.angle == 0, np.nan, free.angle))[[2, 10, 20, 30]]
-    return {
-        "refinement": refinement,
-        "dilatation": dilatation,
-        "mu_pa": float(best.x),
-        "rms": float(best.fun),
-        "ratio": share.tolist(),
-    }
+    found = {"mu_pa": float(best.x), "rms": float(best.fun), "ratio": share.tolist()}
+    return {"refinement": refinement, "dilatation": dilatation, **found}
 
 
 def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: float) -> Array:
@@ -101,14 +88,12 @@ def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: 
 
 
 def under_force(model: SkfemSolver, start: Equilibrium, force: float, height: float) -> Equilibrium:
-    """Equilibrium under one force: its efforts on θ and e follow the angle until both agree."""
+    """Equilibrium under one force: its efforts on θ and e follow the angle until both agree; half is solved."""
     nothing = np.zeros(2, bool)
     here, before = start, np.inf
     while abs(here.point.x[-2] - before) > SETTLED_RAD:
         before = float(here.point.x[-2])
-        effort = (
-            force / 2 * arms(model.problem.span_m, height, *here.point.x[-2:])
-        )  # half of the width is solved
+        effort = force / 2 * arms(model.problem.span_m, height, *here.point.x[-2:])
         here = model.newton.advance(here, Control(start.point.actuation, nothing, np.zeros(2), effort))
     return here
 
@@ -128,12 +113,9 @@ def constrained(published: Published, mu: float, refinement: int, every: int) ->
         state = model.free(pressure, state)
         table = published.rows((published.pressure == pressure) & (published.force > 0))
         table = table.rows(np.arange(len(table.force)) % every == every - 1)
-        errors = {
-            f"{1e3 * height:g} mm": rms(pushed(model, state, table.force, height) - table.angle)
-            / rms(table.angle)
-            for height in HEIGHTS_M
-        }
-        errors["moment"] = rms(by_moment(model, state, table.moment) - table.angle) / rms(table.angle)
+        angles = {f"{1e3 * height:g} mm": pushed(model, state, table.force, height) for height in HEIGHTS_M}
+        angles["moment"] = by_moment(model, state, table.moment)
+        errors = {name: rms(found - table.angle) / rms(table.angle) for name, found in angles.items()}
         results.append({"pressure_pa": pressure, "errors": errors})
     return results
 
@@ -158,7 +140,9 @@ def main() -> None:
     if not TABLE.exists():
         print(f"skipped: the published curves are not at {TABLE}")
         return
-    published = Published.read()
+    table = reference_table(TABLE.name)
+    names = ("pressure_pa", "edge_force_n", "half_angle_rad", "moment_n_m")
+    published = Published(*(table[name] for name in names))
     variants = [(1, "cell")] if fast else [(1, "cell"), (2, "cell"), (1, "point"), (2, "point")]
     free = []
     for refinement, dilatation in variants:
@@ -174,16 +158,9 @@ def main() -> None:
         print(f"edge force at {row['pressure_pa'] / 1e3:g} kPa, RMS of the angle: {said}", flush=True)
     bars = [Bar("free curve, one modulus, best elements", 100 * min(f["rms"] for f in free), 0.5, "%", True)]
     name = f"{1e3 * TUBE_AXIS_M:g} mm"
-    bars += [
-        Bar(
-            f"edge force at {r['pressure_pa'] / 1e3:g} kPa",
-            100 * r["errors"][name],
-            BARS[r["pressure_pa"]],
-            "%",
-            True,
-        )
-        for r in held
-    ]
+    for row in held:
+        what, limit = f"edge force at {row['pressure_pa'] / 1e3:g} kPa", BARS[row["pressure_pa"]]
+        bars.append(Bar(what, 100 * row["errors"][name], limit, "%", True))
     write("bending", {"free": free, "constrained": held}, bars)
 
 

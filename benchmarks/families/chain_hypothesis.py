@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +26,9 @@ import numpy as np
 from benchmarks.output import parser_of, write
 
 from pliant import api
-from pliant.interfaces.family import ActuatorFamily
-from pliant.interfaces.fem import FEMBackend
+from pliant.config.study import Study
 from pliant.pipeline.study import chain_of_study
+from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.structure import StructureState
@@ -56,16 +55,6 @@ CASES = (
 TO_WORLD = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])  # body frame → default base pose
 
 
-@dataclass(frozen=True)
-class Ground:
-    """What every case needs."""
-
-    opened: api.OpenStudy
-    family: ActuatorFamily
-    backend: FEMBackend
-    material: Any
-
-
 def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--modules", type=int, nargs="+", default=[1, 2, 3, 4, 6, 8])
@@ -77,27 +66,26 @@ def main() -> None:
         rows = []
         for modules in given.modules:
             opened = api.open_study(study, [f"chain.modules={modules}"], store=Path(folder) / "store")
-            bench = opened.bench
-            ground = Ground(
-                opened,
-                bench.build("family", opened.study.family),
-                bench.build("fem", opened.study.fem),
-                bench.build("material", opened.study.material),
-            )
-            rows += solved(ground, modules)
+            rows += solved(opened.bench, opened.study, modules)
     write("chain_hypothesis", {"cases": rows})
     if given.picture:
         draw(rows, given.picture)
 
 
-def solved(ground: Ground, modules: int) -> list[dict[str, Any]]:
+def solved(bench: Workbench, study: Study, modules: int) -> list[dict[str, Any]]:
     """All cases of one number of modules."""
     begun = time.perf_counter()
-    body = ground.backend.structure(ground.family.structure(modules), ground.material)
-    chain = chain_of_study(ground.opened.bench, ground.opened.study).chain
-    engine = ground.opened.bench.build("physics", ground.opened.study.physics)
+    family, backend, material, engine = (
+        bench.build(name, getattr(study, name)) for name in ("family", "fem", "material", "physics")
+    )
+    body, chain = backend.structure(family.structure(modules), material), chain_of_study(bench, study).chain
     rows, free = [], {0.0: body.rest()}
-    stretch = plate_strains(ground)
+    # Axial strain of a free module's plate at each pressure.
+    solver, stretch = backend.solver(family.problem(), material), {}
+    state = solver.rest()
+    for pressure in sorted({pressure for pressure, _ in CASES}):
+        state = solver.free(pressure, state)
+        stretch[pressure] = state.axial_strain
     for pressure, force in CASES:
         start = free.get(pressure) or free[max(p for p in free if p <= pressure)]
         state = body.equilibrium(pressure, np.array(force), start)
@@ -106,28 +94,15 @@ def solved(ground: Ground, modules: int) -> list[dict[str, Any]]:
         with engine.build(chain) as simulation:
             simulation.apply(Inputs({"pressure_pa": pressure}, tip_force_n=TO_WORLD @ np.array(force)))
             settled = simulation.settle()
-        rows.append(compared(modules, ground, state, settled.joint_angles[:, 0], stretch[pressure]))
+        rows.append(compared(family.module_length_m, state, settled.joint_angles[:, 0], stretch[pressure]))
         print(sentence(rows[-1]), flush=True)
     print(f"  {modules} modules: {time.perf_counter() - begun:.0f} s", flush=True)
     return rows
 
 
-def plate_strains(ground: Ground) -> dict[float, float]:
-    """Axial strain of a free module's plate at each pressure."""
-    solver = ground.backend.solver(ground.family.problem(), ground.material)
-    state, found = solver.rest(), {}
-    for pressure in sorted({pressure for pressure, _ in CASES}):
-        state = solver.free(pressure, state)
-        found[pressure] = state.axial_strain
-    return found
-
-
-def compared(
-    modules: int, ground: Ground, state: StructureState, angles: Array, strain: float
-) -> dict[str, Any]:
+def compared(length: float, state: StructureState, angles: Array, strain: float) -> dict[str, Any]:
     """The chain's error and its parts; lengths in m, angles in rad."""
-    length = ground.family.module_length_m
-    turns = np.diff(state.turns_rad)
+    turns, modules = np.diff(state.turns_rad), len(angles)
     ends = [0, modules - 1]
     mixed = angles.copy()
     mixed[ends] = turns[ends]
@@ -166,9 +141,8 @@ def planar_tip(length: float, angles: Array) -> Array:
 
 
 def sentence(row: dict[str, Any]) -> str:
-    inner = (
-        "" if row["inner_turn_error"] is None else f", inner modules {100 * row['inner_turn_error']:+.2f} %"
-    )
+    error = row["inner_turn_error"]
+    inner = "" if error is None else f", inner modules {100 * error:+.2f} %"
     mm = {name: 1e3 * value for name, value in row.items() if name.endswith("_m")}
     return (
         f"N {row['modules']}, {row['pressure_pa'] / 1e3:g} kPa, tip force z {row['tip_force_n'][2]:+.2f} N: turn FEM "

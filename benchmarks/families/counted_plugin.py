@@ -19,7 +19,7 @@ CONTRACT = 2
 class CountedConfig(SkfemConfig):
     """The config of `skfem` under another kind."""
 
-    kind: Literal["counted_skfem"] = "counted_skfem"  # type: ignore[assignment]
+    kind: Literal["counted_skfem"] = "counted_skfem"
 
 
 class Counted(Skfem):

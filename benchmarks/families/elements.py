@@ -11,7 +11,6 @@ Prints the table and writes benchmarks/out/elements.json.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from benchmarks.families.published_y import solver_of
 from benchmarks.output import Bar, parser_of, write
 
 from pliant.interfaces.family import ActuatorFamily
-from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.manifest import pliant_components
 
@@ -29,44 +27,29 @@ SHARES = (1 / 3, 2 / 3, 1.0)
 ELEMENTS = ("continuous", "cell", "point")
 
 
-@dataclass(frozen=True, eq=False)
-class Figures:
-    """What one mesh and element give: free motions (rad or m), efforts (N·m or N), and what they cost."""
+def solve(family: ActuatorFamily, refinement: int, element: str) -> dict[str, Any]:
+    """Free motions (rad or m), efforts (N·m or N), and what they cost, by one mesh and element.
 
-    free: Array
-    blocked: Array
-    half_way: float
-    unknowns: int
-    steps: int
-    cpu_s: float
-
-
-def family_of(kind: str) -> ActuatorFamily:
-    """The example of the family's manifest, its reference design."""
-    component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
-    return component.build(component.config_model().model_validate({"kind": kind, **component.example}))
-
-
-def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:
-    """Free branch upwards, then blocked states from rest, then one in between."""
+    The free branch upwards, then blocked states from rest, then one in between.
+    """
     problem = family.problem(refinement)
     solver = solver_of(problem, MU_PA, pressure_max_pa=15e3, dilatation=element)
     levels = [share * LARGEST[problem.actuation] for share in SHARES]
     begun = time.process_time()
-    free, blocked = (
-        _branch(solver.rest(), levels, solver.free),
-        _branch(solver.rest(), levels, lambda a, s: solver.constrained(a, 0.0, s)),
-    )
+    free = _branch(solver.rest(), levels, solver.free)
+    blocked = _branch(solver.rest(), levels, lambda a, s: solver.constrained(a, 0.0, s))
     between = solver.constrained(levels[-1], free[-1].angle_rad / 2, free[-1])
     states = [*free, *blocked, between]
-    return Figures(
-        free=np.array([state.angle_rad for state in free]),
-        blocked=np.array([state.moment_n_m for state in blocked]),
-        half_way=between.moment_n_m,
-        unknowns=solver.assembler.pattern.size,
-        steps=sum(state.iterations for state in states),
-        cpu_s=time.process_time() - begun,
-    )
+    return {
+        "refinement": refinement,
+        "element": element,
+        "free": [state.angle_rad for state in free],
+        "blocked": [state.moment_n_m for state in blocked],
+        "half_way": between.moment_n_m,
+        "unknowns": solver.assembler.pattern.size,
+        "newton_steps": sum(state.iterations for state in states),
+        "cpu_s": time.process_time() - begun,
+    }
 
 
 def _branch(start: FemState, levels: list[float], step: Any) -> list[FemState]:
@@ -78,43 +61,28 @@ def _branch(start: FemState, levels: list[float], step: Any) -> list[FemState]:
 
 def study(kind: str, refinements: int) -> dict[str, Any]:
     """Figures of all meshes and elements of one family, with their differences from the finest."""
-    family = family_of(kind)
-    found = {}
+    component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
+    # The example of the family's manifest, its reference design.
+    family = component.build(component.config_model().model_validate({"kind": kind, **component.example}))
+    rows = []
     for refinement in range(1, refinements + 1):
         for element in ELEMENTS:
-            got = found[refinement, element] = solve(family, refinement, element)
-            print(
-                f"{kind} {refinement} {element}: free at the end {got.free[-1]:.6g}, {got.cpu_s:.1f} s",
-                flush=True,
-            )
-    finest, rows = found[refinements, "continuous"], []
+            rows.append(solve(family, refinement, element))
+            end, cpu_s = rows[-1]["free"][-1], rows[-1]["cpu_s"]
+            print(f"{kind} {refinement} {element}: free at the end {end:.6g}, {cpu_s:.1f} s", flush=True)
+    finest = next(row for row in rows[-len(ELEMENTS) :] if row["element"] == "continuous")
     print(f"{kind}: differences from continuous cells, refinement {refinements}, in %")
     print(
         "refinement element      free 1/3    2/3      1   blocked 1/3  2/3    1   half-way  unknowns steps  CPU s"
     )
-    for (refinement, element), got in found.items():
-        free = 100 * (got.free / finest.free - 1)
-        blocked = 100 * (got.blocked / finest.blocked - 1)
-        half = 100 * (got.half_way / finest.half_way - 1)
-        numbers = " ".join(f"{value:8.3f}" for value in (*free, *blocked, half))
+    for row in rows:
+        for name in ("free", "blocked", "half_way"):
+            row[f"{name}_percent"] = (100 * (np.array(row[name]) / np.array(finest[name]) - 1)).tolist()
+        shown = (*row["free_percent"], *row["blocked_percent"], row["half_way_percent"])
         print(
-            f"{refinement:10d} {element:10s} {numbers} {got.unknowns:9d} {got.steps:5d} {got.cpu_s:6.2f}",
+            f"{row['refinement']:10d} {row['element']:10s} {' '.join(f'{value:8.3f}' for value in shown)} "
+            f"{row['unknowns']:9d} {row['newton_steps']:5d} {row['cpu_s']:6.2f}",
             flush=True,
-        )
-        rows.append(
-            {
-                "refinement": refinement,
-                "element": element,
-                "free": got.free.tolist(),
-                "blocked": got.blocked.tolist(),
-                "half_way": got.half_way,
-                "free_percent": free.tolist(),
-                "blocked_percent": blocked.tolist(),
-                "half_way_percent": half,
-                "unknowns": got.unknowns,
-                "newton_steps": got.steps,
-                "cpu_s": got.cpu_s,
-            }
         )
     return {"levels": list(SHARES), "rows": rows}
 

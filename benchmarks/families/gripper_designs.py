@@ -24,9 +24,8 @@ from pliant_plugins.families.bellow_bending.family import BellowBending, BellowB
 PRESSURE_KPA = 10.0
 MU_PA = 249e3  # the states are solved with this one
 LEVELS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.12)  # of the pressure
-CURVE_MU_PA = (
-    249.3e3  # fitted on the published free curve of one design (tests/fem/test_reference_bending.py)
-)
+# Fitted on the published free curve of one design (tests/fem/test_reference_bending.py).
+CURVE_MU_PA = 249.3e3
 
 
 def published_angle(row: dict[str, float]) -> float:
@@ -39,20 +38,15 @@ def published_angle(row: dict[str, float]) -> float:
 
 def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
     """u(p/μ) of a design and the number of states in self-contact. Raises `StateNotConvergedError`."""
-    lengths = {
-        "inner_radius": row["r"] / 1e3,
-        "average_radius": row["R"] / 1e3,
-        "wall": row["t"] / 1e3,
-        "module_length": row["l"] / 1e3,
-    }
+    names = {"inner_radius": "r", "average_radius": "R", "wall": "t", "module_length": "l"}
+    lengths = {name: row[letter] / 1e3 for name, letter in names.items()}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
     solver = solver_of(family.problem(), MU_PA, pressure_max_pa=15e3)
     states = [solver.rest()]
     for level in LEVELS:
         states.append(solver.free(1e3 * PRESSURE_KPA * level, states[-1]))
-    ratio = [s.actuation / MU_PA for s in states]
-    slope = [-MU_PA * s.dmoment_dp / s.dmoment_du for s in states]
-    curve = CubicHermiteSpline(ratio, [s.angle_rad for s in states], slope)
+    points = [(s.actuation / MU_PA, s.angle_rad, -MU_PA * s.dmoment_dp / s.dmoment_du) for s in states]
+    curve = CubicHermiteSpline(*zip(*points, strict=True))
     return curve, sum(s.status == "self_contact" for s in states)
 
 
@@ -81,22 +75,16 @@ def main() -> None:
     def errors(mu: float) -> np.ndarray:
         return np.array([curve(1e3 * PRESSURE_KPA / mu) for _, curve, _ in solved]) / wanted - 1
 
-    best = float(
-        minimize_scalar(lambda mu: np.median(np.abs(errors(mu))), bounds=(230e3, 275e3), method="bounded").x
-    )
+    found = minimize_scalar(lambda mu: np.median(np.abs(errors(mu))), bounds=(230e3, 275e3), method="bounded")
+    best = float(found.x)
     result = {"n": len(solved), "failed": failed, "at": {}}
     for label, mu in (("fitted on all designs", best), ("of the published free curve", CURVE_MU_PA)):
         share = np.abs(errors(mu))
-        quantiles = {
-            "median": float(np.median(share)),
-            "p95": float(np.quantile(share, 0.95)),
-            "worst": float(share.max()),
-        }
+        at = {"median": 0.5, "p95": 0.95, "worst": 1.0}
+        quantiles = {name: float(np.quantile(share, q)) for name, q in at.items()}
         result["at"][label] = {"shear_modulus_pa": mu, **quantiles}
-        print(
-            f"μ {mu / 1e3:6.1f} kPa {label}: "
-            + ", ".join(f"{k} {100 * v:.2f} %" for k, v in quantiles.items())
-        )
+        shown = ", ".join(f"{k} {100 * v:.2f} %" for k, v in quantiles.items())
+        print(f"μ {mu / 1e3:6.1f} kPa {label}: {shown}")
     beyond = [
         {**_design(row), "error": float(e), "contact": contact}
         for (row, _, contact), e in zip(solved, errors(best), strict=True)
@@ -108,9 +96,8 @@ def main() -> None:
     for entry in failed:
         print("failed: " + ", ".join(f"{k} {v}" for k, v in entry.items()))
     reached = result["at"]["fitted on all designs"]
-    bars = [
-        Bar(f"{q} error", 100 * reached[q], limit, "%", True) for q, limit in (("median", 3.0), ("p95", 8.0))
-    ]
+    limits = {"median": 3.0, "p95": 8.0}
+    bars = [Bar(f"{q} error", 100 * reached[q], limit, "%", True) for q, limit in limits.items()]
     write("gripper_designs", result, bars)
 
 

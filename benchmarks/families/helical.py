@@ -59,8 +59,6 @@ def condensed(stiffness: Array, kept: tuple[int, ...]) -> Array:
     """The stiffness (3, 3) of some axes, those that are left out being free."""
     out = [i for i in range(len(stiffness)) if i not in kept]
     K = stiffness[np.ix_(kept, kept)]
-    if not out:
-        return K
     cross = stiffness[np.ix_(kept, out)]
     return K - cross @ np.linalg.solve(stiffness[np.ix_(out, out)], cross.T)
 
@@ -117,12 +115,9 @@ def asymmetry(state: FemState) -> float:
 
 def energy_error(solver: ModuleSolver, start: FemState, turn: dict[str, float]) -> float:
     """|ΔU − work| / work between two near states of one pressure, axes held at u ± turn/2 (midpoint: third order)."""
+    u = dict(zip(AXES, start.deformation.tolist(), strict=True))
     low, mid, high = (
-        solver.constrained(
-            start.actuation,
-            {a: float(start.deformation[AXES.index(a)]) + s * turn.get(a, 0.0) for a in AXES},
-            start,
-        )
+        solver.constrained(start.actuation, {a: u[a] + s * turn.get(a, 0.0) for a in AXES}, start)
         for s in (-0.5, 0.0, 0.5)
     )
     step = high.deformation - low.deformation
@@ -221,16 +216,9 @@ def spatial_table(mu_pa: float, secants: bool) -> list[dict[str, Any]]:
                     f"    {name:28s} {row.axis} {row.pressure_pa / 1e3:4.0f} kPa {row.held:5s} {values}",
                     flush=True,
                 )
-            rows.append(
-                {
-                    "variant": parameters,
-                    "pressure_pa": state.actuation,
-                    "free_u_rad": state.deformation.tolist(),
-                    "stiffness_n_m": (-state.dtau_du).tolist(),
-                    "asymmetry": asymmetry(state),
-                    "rows": [asdict(row) for row in found],
-                }
-            )
+            at = {"pressure_pa": state.actuation, "free_u_rad": state.deformation.tolist()}
+            stiffness = {"stiffness_n_m": (-state.dtau_du).tolist(), "asymmetry": asymmetry(state)}
+            rows.append({"variant": parameters, **at, **stiffness, "rows": [asdict(row) for row in found]})
     return rows
 
 
@@ -246,18 +234,12 @@ def energy_check(mu_pa: float) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument(
-        "--quick", action="store_true", help="without the variants of (a) and the secants of (c)"
-    )
-    options = parser.parse_args()
+    quick = parser_of(__doc__, "without the variants of (a) and the secants of (c)").parse_args().quick
     data = published()
     if data is None:
-        sys.exit(
-            f"family_helical: the reference data are absent: {CURVE.resolve()} (see docs: reference study)"
-        )
+        sys.exit(f"family_helical: the reference data are absent: {CURVE.resolve()}")
     begun = time.perf_counter()
-    variants = [] if options.quick else variants_table(data)
+    variants = [] if quick else variants_table(data)
     print("(b) the family's defaults")
     table = table_of(family().problem(axes=("y",)))
     defaults = scored(table, data)
@@ -265,7 +247,7 @@ def main() -> None:
     mu_pa = defaults["free"]["shear_modulus_pa"]
     straight = [float(table.moment(mu_pa, np.array([p]), np.zeros(1))[0] / p) for p in (5e3, 10e3, 15e3)]
     print("    moment/pressure at zero angle, mm³: " + ", ".join(f"{1e9 * r:.1f}" for r in straight))
-    spatial = spatial_table(mu_pa, not options.quick)
+    spatial = spatial_table(mu_pa, not quick)
     energy = energy_check(mu_pa)
     print("    " + ", ".join(f"{k} {v:.3g}" for k, v in energy.items()))
     fit = defaults["free"]
@@ -274,13 +256,10 @@ def main() -> None:
         Bar("moments at 5 to 12.5 kPa, |u| ≤ 0.3 rad", 100 * fit["module_predicted"], 5.0, "%", True),
         Bar("the same, half angle −0.15 to 0.3 rad", 100 * fit["half_predicted"], 5.0, "%", True),
     ]
-    results = {
-        "table_modulus_pa": MU,
-        "variants": variants,
-        "defaults": defaults,
+    results = {"table_modulus_pa": MU, "variants": variants, "defaults": defaults, "energy": energy}
+    results |= {
         "moment_over_pressure_m3": straight,
         "spatial": spatial,
-        "energy": energy,
         "wall_s": time.perf_counter() - begun,
     }
     write("family_helical", results, bars)

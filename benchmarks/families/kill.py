@@ -80,11 +80,8 @@ class Count:
     def sound(self) -> bool:
         """Nothing lost, nothing that was saved solved twice."""
         may_repeat = self.cut_off + self.unsure
-        return (
-            self.lost == 0
-            and self.saved_and_solved_twice == 0
-            and self.solved_again_after_cut_off_or_unsure <= may_repeat <= WORKERS * self.kills
-        )
+        bounded = self.solved_again_after_cut_off_or_unsure <= may_repeat <= WORKERS * self.kills
+        return bounded and self.lost == self.saved_and_solved_twice == 0
 
 
 class Killing:
@@ -118,15 +115,9 @@ class Killing:
     def _start(self, store: str) -> subprocess.Popen[str]:
         environment = {**os.environ, "SPRINGS_LOG": str(self.log)}
         place = ["--store", str(self.folder / store), "--out", str(self.folder / "out")]
-        return subprocess.Popen(
-            [*self.command, *place],
-            start_new_session=True,
-            env=environment,
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+        command = [*self.command, *place]
+        return subprocess.Popen(command, start_new_session=True, env=environment, cwd=ROOT, **pipes)
 
     def _finish(self, store: str) -> None:
         running = self._start(store)
@@ -210,7 +201,6 @@ class Killing:
 
 
 def main() -> int:
-    """Kill, count, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--kills", type=int, default=50, help="of each solver")
     parser.add_argument("--only", choices=["springs", "skfem"])

@@ -24,10 +24,8 @@ from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 CURVE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 MU = 200e3
 PRESSURES = (4e3, 8e3, 12e3, 16e3)
-LOW, HIGH = (
-    -0.15,
-    0.30,
-)  # half angles (rad) between which neighbouring convolutions do not cross each other's plane
+# Half angles (rad) between which neighbouring convolutions do not cross each other's plane.
+LOW, HIGH = -0.15, 0.30
 HALF_ANGLES = (LOW, -0.09, -0.03, 0.03, 0.1, 0.17, 0.24, HIGH)
 PREDICTED = (5e3, 7.5e3, 10e3, 12.5e3)
 
@@ -118,17 +116,13 @@ def errors_of(table: Table, data: Published, mu_pa: float) -> dict[str, float]:
     """
     free = data.free
     found = {"free": relative_rms(table.free(mu_pa, data.pressure[free]), data.half_angle[free])}
-    for pressure in (*PREDICTED, 15e3):
-        at = ~free & (data.pressure == pressure) & (data.half_angle >= LOW)
+    parts: dict[str, tuple[float, ...]] = {f"{p / 1e3:g}_kpa": (p,) for p in (*PREDICTED, 15e3)}
+    for part, pressures in {**parts, "predicted": PREDICTED}.items():
+        at = ~free & np.isin(data.pressure, pressures) & (data.half_angle >= LOW)
         for name, limit in (("half", 0.3), ("module", 0.15)):
             use = at & (np.abs(data.half_angle) <= limit)
             model = table.moment(mu_pa, data.pressure[use], data.half_angle[use])
-            found[f"{name}_{pressure / 1e3:g}_kpa"] = relative_rms(model, data.moment[use])
-    for name, limit in (("half", 0.3), ("module", 0.15)):
-        use = ~free & np.isin(data.pressure, PREDICTED) & (data.half_angle >= LOW)
-        use &= np.abs(data.half_angle) <= limit
-        model = table.moment(mu_pa, data.pressure[use], data.half_angle[use])
-        found[f"{name}_predicted"] = relative_rms(model, data.moment[use])
+            found[f"{name}_{part}"] = relative_rms(model, data.moment[use])
     return found
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from benchmarks.law_error import without_slopes
 from benchmarks.output import parser_of, seconds_of, write
 from scipy.sparse.linalg import splu
 
@@ -41,7 +42,6 @@ HELICAL = {"kind": "bellow_helical", **HELIX_MODULE}
 
 
 def main() -> None:
-    """Measure, print, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--helical", action="store_true", help="also three axes of a helical bellow")
     parser.add_argument("--design", choices=("reference", "wide"), help="only this bending bellow")
@@ -107,7 +107,7 @@ def compared(runs: dict[str, tuple[ModuleData, dict[str, float]]], kernel: float
             "processor_in_kernels": times["processor_s"] / kernel,
             "with_slopes": scored(fitted),
             "without_slopes": scored(without_slopes(fitted)),
-            "sampling": {k: v for k, v in data.sampling["axes"][data.main_axis].items() if k != "tests"},  # type: ignore[index]
+            "sampling": {k: v for k, v in data.sampling["axes"][data.main_axis].items() if k != "tests"},
         }
     return figures
 
@@ -118,37 +118,23 @@ def joined(parts: list[FemDataset]) -> FemDataset:
     return dataclasses.replace(parts[0], **columns)
 
 
-def without_slopes(data: FemDataset) -> FemDataset:
-    """The same states, slopes unknown."""
-    unknown = np.full(len(data), np.nan)
-    return dataclasses.replace(data, dmoment_dp=unknown, dmoment_du=unknown)
-
-
 def scored(data: FemDataset) -> dict[str, float]:
     """Errors of the polynomial law on the check states, as shares of the effort's range."""
     report = Polynomial(PolynomialConfig()).fit(data).report
-    return {
-        "n_fitted": report.n_fitted,
-        "n_heldout": report.n_heldout,
-        "worst_of_range": report.worst_of_range,
-        "rms_of_range": report.rmse / report.effort_range,
-    }
+    figures = {name: getattr(report, name) for name in ("n_fitted", "n_heldout", "worst_of_range")}
+    return {**figures, "rms_of_range": report.rmse / report.effort_range}
 
 
 def three_axes(data: ModuleData, times: dict[str, float], kernel: float) -> dict[str, Any]:
     """Figures of a module of several axes."""
+    explored, axes = np.unique(data.explored), data.sampling["axes"]
     return {
         "states": data.sampling["n_solved"],
         "failed": len(data.failed),
         **times,
         "processor_in_kernels": times["processor_s"] / kernel,
-        "solver_s_by_axis": {
-            str(axis): float(data.wall_s[data.explored == axis].sum()) for axis in np.unique(data.explored)
-        },
-        "axes": {
-            axis: {k: v for k, v in one.items() if k != "tests"}
-            for axis, one in data.sampling["axes"].items()  # type: ignore[attr-defined]
-        },
+        "solver_s_by_axis": {str(a): float(data.wall_s[data.explored == a].sum()) for a in explored},
+        "axes": {a: {k: v for k, v in one.items() if k != "tests"} for a, one in axes.items()},
         "coupling": data.sampling["coupling"],
     }
 

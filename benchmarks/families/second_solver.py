@@ -14,7 +14,6 @@ Prints the table and writes benchmarks/out/second_solver.json.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +21,8 @@ import numpy as np
 from benchmarks.output import parser_of, read, write
 
 from pliant.interfaces.family import ActuatorFamily
-from pliant.interfaces.fem import FEMBackend, ModuleSolver
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.interfaces.fem import ModuleSolver
+from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
@@ -54,9 +53,6 @@ class Case:
     free: tuple[float, ...] = FREE
     refined: int = 2
 
-    def problem(self, refinement: int) -> ModuleProblem:
-        return self.family.problem(refinement, self.axes)
-
 
 def cases() -> dict[str, Case]:
     """The shipped families; moduli as their own benchmarks fit them."""
@@ -72,18 +68,6 @@ def cases() -> dict[str, Case]:
         # the whole ring refined has 1920 cells: minutes for each state
         "bellow_helical_three_axes": Case(helical, 237e3, 15e3, ("x", "y", "z"), free=(1 / 3,), refined=1),
     }
-
-
-def solver(case: Case, backend: FEMBackend, refinement: int) -> ModuleSolver:
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=case.modulus))
-    return backend.solver(case.problem(refinement), material)
-
-
-def backends(names: Mapping[str, int]) -> dict[str, tuple[FEMBackend, int]]:
-    """Codes by label, with the refinement of their mesh."""
-    limits = {"pressure_max_pa": 15e3, "tendon_force_max_n": 8.0}
-    skfem, ngsolve = Skfem(SkfemConfig(**limits)), Ngsolve(NgsolveConfig(order=3, **limits))
-    return {label: (ngsolve if label == "ngsolve" else skfem, n) for label, n in names.items()}
 
 
 def states_of(case: Case, model: ModuleSolver, half: float | None) -> dict[str, FemState]:
@@ -127,45 +111,37 @@ def run(name: str, case: Case) -> dict[str, Any]:
     if case.refined > 1:
         wanted[f"skfem × {case.refined}"] = case.refined
     solved, seconds, half = {}, {}, None
-    for label, (backend, refinement) in backends(wanted).items():
+    limits = {"pressure_max_pa": 15e3, "tendon_force_max_n": 8.0}
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=case.modulus))
+    for label, refinement in wanted.items():
+        ngsolve = label == "ngsolve"
+        backend = Ngsolve(NgsolveConfig(order=3, **limits)) if ngsolve else Skfem(SkfemConfig(**limits))
         begun = time.perf_counter()
-        solved[label] = states_of(case, solver(case, backend, refinement), half)
+        solver = backend.solver(case.family.problem(refinement, case.axes), material)
+        solved[label] = states_of(case, solver, half)
         seconds[label] = time.perf_counter() - begun
         half = 0.5 * solved["ngsolve"][f"free {case.free[-1]:.2f}"].angle_rad
     truth = solved.pop("ngsolve")
     differences = {label: compare(case, truth, states) for label, states in solved.items()}
     print(f"{name}: {len(truth)} states, " + ", ".join(f"{k} {s:.0f} s" for k, s in seconds.items()))
     for state, a in truth.items():
-        print(
-            f"  {state:18s} u {a.angle_rad:.6g}  τ {a.moment_n_m:.6g}  "
-            + "   ".join(
-                f"{label}: Δu {d[state]['u']:.3%}  Δτ {d[state]['tau']:.3%}  Δ∂τ/∂u {d[state]['dtau_du']:.2%}"
-                for label, d in differences.items()
-            ),
-            flush=True,
+        apart = {label: rows[state] for label, rows in differences.items()}
+        cells = (
+            f"{label}: Δu {d['u']:.3%}  Δτ {d['tau']:.3%}  Δ∂τ/∂u {d['dtau_du']:.2%}"
+            for label, d in apart.items()
         )
+        print(f"  {state:18s} u {a.angle_rad:.6g}  τ {a.moment_n_m:.6g}  {'   '.join(cells)}", flush=True)
     last = list(differences)[-1]
     worst = max(max(row["u"], row["tau"]) for row in differences[last].values())
-    print(
-        f"  worst of {last}: {worst:.3%} of the range, bar {BAR:.1%}: {'met' if worst <= BAR else 'missed'}"
-    )
-    return {
-        "modulus_pa": case.modulus,
-        "actuation": case.actuation,
-        "states": {
-            state: {
-                "u": s.deformation.tolist(),
-                "tau": s.tau.tolist(),
-                "energy_j": s.energy_j,
-                "status": s.status,
-            }
-            for state, s in truth.items()
-        },
-        "differences": differences,
-        "worst_of_range": worst,
-        "met": worst <= BAR,
-        "wall_s": seconds,
+    verdict = "met" if worst <= BAR else "missed"
+    print(f"  worst of {last}: {worst:.3%} of the range, bar {BAR:.1%}: {verdict}")
+    states = {
+        name: {"u": s.deformation.tolist(), "tau": s.tau.tolist(), "energy_j": s.energy_j, "status": s.status}
+        for name, s in truth.items()
     }
+    found = {"worst_of_range": worst, "met": worst <= BAR, "wall_s": seconds}
+    stated = {"modulus_pa": case.modulus, "actuation": case.actuation}
+    return {**stated, "states": states, "differences": differences, **found}
 
 
 def main() -> None:

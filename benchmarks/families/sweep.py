@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,30 +70,18 @@ def measure(name: str, designs: int | None, workers: int) -> dict[str, Any]:
         study = Path(folder) / "grid.yaml"
         study.write_text(f"pliant: 1\nname: {name}-grid\n{grid.study}sweep: {grid.sweep}\n", encoding="utf-8")
         opened = api.open_study(study, store=Path(folder) / "store")
-        possible = _possible(opened)
+        possible = []  # the swept parameters of the designs that the family builds
+        for design in sweep_designs(opened.study):
+            with suppress(InvalidDesignError):
+                opened.bench.build("family", design.family)
+                possible.append(dict(design.changes))
         if designs is not None and designs < len(possible):
             chosen = np.linspace(0, len(possible) - 1, designs).round().astype(int)
-            _write_table(Path(folder) / "part.csv", [possible[i] for i in chosen])
+            lines = [",".join(possible[0]), *(",".join(map(repr, possible[i].values())) for i in chosen)]
+            (Path(folder) / "part.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
             study.write_text(f"pliant: 1\nname: part\n{grid.study}sweep: {{designs: part.csv}}\n", "utf-8")
             opened = api.open_study(study, store=Path(folder) / "store")
         return _result(name, api.sweep(opened, workers=workers), len(possible), workers)
-
-
-def _possible(opened: api.OpenStudy) -> list[dict[str, Any]]:
-    """The swept parameters of the designs that the family builds."""
-    possible = []
-    for design in sweep_designs(opened.study):
-        try:
-            opened.bench.build("family", design.family)
-            possible.append(dict(design.changes))
-        except InvalidDesignError:
-            continue
-    return possible
-
-
-def _write_table(path: Path, rows: list[dict[str, Any]]) -> None:
-    lines = [",".join(rows[0]), *(",".join(map(repr, row.values())) for row in rows)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _result(name: str, run: SweepRun, possible: int, workers: int) -> dict[str, Any]:
@@ -141,7 +130,6 @@ def _say(result: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    """Measure, print, write."""
     parser = parser_of(__doc__)
     parser.add_argument("--only", choices=list(GRIDS))
     parser.add_argument("--designs", type=int, help="so many designs of the grid, evenly chosen")

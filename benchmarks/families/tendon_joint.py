@@ -107,36 +107,22 @@ class Published:
         grows by d, the stiffness from EI/c to EI/c + d² EA/c = (1 + 12 d²/t²) EI/c, which gives t.
         """
         past = ~self.free & (self.angle_rad < STOP_RAD)
-        design = np.column_stack(
-            [
-                self.force_n[past],
-                -np.ones(past.sum()),
-                -self.angle_rad[past],
-                (self.force_n * self.angle_rad)[past],
-            ]
-        )
+        force_n, angle_rad = self.force_n[past], self.angle_rad[past]
+        design = np.column_stack([force_n, -np.ones(past.sum()), -angle_rad, force_n * angle_rad])
         arm, _, stiffness, growth = np.linalg.lstsq(design, self.moment_n_m[past], rcond=None)[0]
-        angle, force = float(self.angle_rad[past].mean()), float(self.force_n[past].mean())
+        angle, force = float(angle_rad.mean()), float(force_n.mean())
         near = [self.at_angle(u) for u in (0.02, 0.1)]
         slope = (near[1][0] - near[0][0]) / 0.08
         elastic = (near[1][1] - near[0][1]) / 0.08
         rise = float(arm + growth * angle) - (near[0][0] + slope * (angle - 0.02))
         ratio = 1 + float(stiffness - growth * force - (elastic - slope * force)) / elastic
-        return {
-            "arm_rise_m": rise,
-            "stiffness_ratio": ratio,
-            "thickness_m": rise * float(np.sqrt(12 / (ratio - 1))),
-        }
+        thickness = rise * float(np.sqrt(12 / (ratio - 1)))
+        return {"arm_rise_m": rise, "stiffness_ratio": ratio, "thickness_m": thickness}
 
     def error(self, predicted_n_m: Array, rows: Mask) -> float:
         """RMS of the moment's error over the RMS of the moment, over rows."""
         error = predicted_n_m[rows] - self.moment_n_m[rows]
         return float(np.linalg.norm(error) / np.linalg.norm(self.moment_n_m[rows]))
-
-
-def published_arm_m(angle_rad: float) -> float:
-    """−dL/dθ of the published L(θ) = −1.2698 θ² − 2.4933 θ + 27.297 mm."""
-    return (2.4933 + 2 * 1.2698 * angle_rad) * 1e-3
 
 
 def published() -> Published:
@@ -206,11 +192,8 @@ class Joint:
                 break
             if states[-1].angle_rad > STEEPEST_RAD:
                 break
-        return CubicHermiteSpline(
-            [s.actuation for s in states],
-            [s.angle_rad for s in states],
-            [-s.dmoment_dp / s.dmoment_du for s in states],
-        )
+        points = [(s.actuation, s.angle_rad, -s.dmoment_dp / s.dmoment_du) for s in states]
+        return CubicHermiteSpline(*zip(*points, strict=True))
 
 
 def fit(joint: Joint, data: Published) -> Fitted:
@@ -255,15 +238,10 @@ def errors(data: Published, moments: Array) -> dict[str, Any]:
     def by_force(rows: Mask) -> dict[str, float]:
         return {f"{f:g}": data.error(moments, rows & (data.force_n == f)) for f in data.forces_n}
 
-    between, every = data.between_stops, ~data.free
-    return {
-        "between_stops": data.error(moments, between),
-        "between_stops_by_force": by_force(between),
-        "all_rows": data.error(moments, every),
-        "all_rows_by_force": by_force(every),
-        "rows_between_stops": int(between.sum()),
-        "rows": int(every.sum()),
-    }
+    found: dict[str, Any] = {}
+    for name, rows in (("between_stops", data.between_stops), ("all_rows", ~data.free)):
+        found |= {name: data.error(moments, rows), f"{name}_by_force": by_force(rows)}
+    return {**found, "rows_between_stops": int(data.between_stops.sum()), "rows": int((~data.free).sum())}
 
 
 def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) -> list[dict[str, float]]:
@@ -273,11 +251,9 @@ def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) ->
     state, rows, step = model.rest(), [], 2e-3
     for angle in ARM_ANGLES:
         state = model.constrained(force_n / units, angle, state)
-        # fourth order
-        ahead = {
-            n: model.constrained(force_n / units, angle + n * step, state).travel for n in (-2, -1, 1, 2)
-        }
-        slope = (8 * (ahead[1] - ahead[-1]) - (ahead[2] - ahead[-2])) / (12 * step)
+        places = (angle + n * step for n in (-2, -1, 1, 2))
+        t = [model.constrained(force_n / units, place, state).travel for place in places]
+        slope = (8 * (t[2] - t[1]) - (t[3] - t[0])) / (12 * step)  # fourth order
         arm, stiffness = data.at_angle(angle)
         rows.append(
             {
@@ -286,7 +262,8 @@ def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) ->
                 "ours_m": state.dmoment_dp,
                 "travel_slope_m": slope,
                 "arc_m": geometry.tendon_arm_m(angle),
-                "published_formula_m": published_arm_m(angle),
+                # −dL/dθ of the published L(θ) = −1.2698 θ² − 2.4933 θ + 27.297 mm
+                "published_formula_m": (2.4933 + 2 * 1.2698 * angle) * 1e-3,
                 "data_elastic_n_m": stiffness,
                 "ours_elastic_n_m": state.dmoment_dp * force_n - state.moment_n_m * units,
             }
@@ -326,9 +303,8 @@ def choices() -> dict[str, Stated]:
         found[f"flexure_thickness {1e3 * thickness:g} mm"] = replace(usual, flexure_thickness_m=thickness)
     found["tendon at rest 26.0 mm"] = replace(usual, tendon_at_rest_m=26e-3)
     for length in (3e-3, 4e-3, 5e-3, 6e-3):
-        found[f"free branch to 6 N, {1e3 * length:g} mm"] = replace(
-            usual, free_top_n=6.0, flexure_length_m=length
-        )
+        other = replace(usual, free_top_n=6.0, flexure_length_m=length)
+        found[f"free branch to 6 N, {1e3 * length:g} mm"] = other
     return found
 
 
@@ -350,45 +326,6 @@ def main() -> None:
     joint, fitted, found = study(Stated(), options.refinement, data)
     table = arms(joint, fitted, data)
     meshes = convergence(Stated(), fitted, options.finest)
-    show(data, fitted, found, table, meshes)
-    others = {}
-    if options.sensitivity:
-        print("other stated values:      offset   μ/MPa  free RMS  between stops  worst force  all rows")
-        for name, stated in choices().items():
-            _, other, error = study(stated, 1, data)
-            others[name] = {**asdict(stated), **asdict(other), **error}
-            worst = max(error["between_stops_by_force"].values())
-            print(
-                f"  {name:28s} {1e3 * other.tendon_offset_m:5.3f} {other.shear_modulus_pa / 1e6:7.3f}  "
-                f"{1e3 * other.rms_rad:5.2f} mrad  {error['between_stops']:8.2%} {worst:12.2%} "
-                f"{error['all_rows']:12.2%}",
-                flush=True,
-            )
-    write(
-        "tendon_joint",
-        {
-            "stated": asdict(Stated()),
-            "fitted": asdict(fitted),
-            "refinement": options.refinement,
-            "stop_of_the_data": data.lip(),
-            "gaps_of_the_free_points_rad": data.free_gaps(),
-            "prediction": found,
-            "arms": table,
-            "meshes": meshes,
-            "other_stated_values": others,
-            "wall_s": time.perf_counter() - begun,
-        },
-    )
-
-
-def show(
-    data: Published,
-    fitted: Fitted,
-    found: dict[str, Any],
-    table: list[dict[str, float]],
-    meshes: list[dict[str, float]],
-) -> None:
-    """Print the main results."""
     print(
         f"fitted on the free branch: tendon_offset {1e3 * fitted.tendon_offset_m:.3f} mm, shear modulus "
         f"{fitted.shear_modulus_pa / 1e6:.3f} MPa; angles to {1e3 * fitted.rms_rad:.2f} mrad RMS"
@@ -408,16 +345,39 @@ def show(
         print(f"  {key.replace('_', ' ')} ({rows} rows): {found[key]:.2%}; {parts}")
     print("  θ/rad   arm/mm: data   ours   dtravel/dθ  arc    formula   elastic moment/mN·m: data   ours")
     for row in table:
-        print(
-            f"  {row['angle_rad']:5.2f} "
-            + "".join(
-                f"{1e3 * row[k]:9.4f}"
-                for k in ("data_m", "ours_m", "travel_slope_m", "arc_m", "published_formula_m")
-            )
-            + f"{1e3 * row['data_elastic_n_m']:18.3f}{1e3 * row['ours_elastic_n_m']:9.3f}"
-        )
+        angle, *arms_m, elastic, ours = row.values()
+        cells = "".join(f"{1e3 * arm:9.4f}" for arm in arms_m)
+        print(f"  {angle:5.2f} {cells}{1e3 * elastic:18.3f}{1e3 * ours:9.3f}")
     for row in meshes:
         print("  mesh: " + ", ".join(f"{k} {v:.6g}" for k, v in row.items()))
+    others = {}
+    if options.sensitivity:
+        print("other stated values:      offset   μ/MPa  free RMS  between stops  worst force  all rows")
+        for name, stated in choices().items():
+            _, other, error = study(stated, 1, data)
+            others[name] = {**asdict(stated), **asdict(other), **error}
+            worst = max(error["between_stops_by_force"].values())
+            print(
+                f"  {name:28s} {1e3 * other.tendon_offset_m:5.3f} {other.shear_modulus_pa / 1e6:7.3f}  "
+                f"{1e3 * other.rms_rad:5.2f} mrad  {error['between_stops']:8.2%} {worst:12.2%} "
+                f"{error['all_rows']:12.2%}",
+                flush=True,
+            )
+    write(
+        "tendon_joint",
+        {
+            "stated": asdict(Stated()),
+            "fitted": asdict(fitted),
+            "refinement": options.refinement,
+            "stop_of_the_data": lip,
+            "gaps_of_the_free_points_rad": gaps,
+            "prediction": found,
+            "arms": table,
+            "meshes": meshes,
+            "other_stated_values": others,
+            "wall_s": time.perf_counter() - begun,
+        },
+    )
 
 
 if __name__ == "__main__":

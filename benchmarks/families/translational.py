@@ -29,14 +29,14 @@ def extensions(mu_pa: float, refinement: int = 1) -> dict[str, Any]:
     for pressure in PRESSURES:
         state = solver.free(pressure, state)
         found[pressure] = state.angle_rad
-    return {
+    at_rest = {"stiffness_n_m": -rest.dmoment_du, "thrust_m2": rest.dmoment_dp}
+    solved = {
         "shear_modulus_pa": mu_pa,
         "refinement": refinement,
         "extension_m": found,
         "status": state.status,
-        "stiffness_n_m": -rest.dmoment_du,
-        "thrust_m2": rest.dmoment_dp,
     }
+    return solved | at_rest
 
 
 def main() -> None:

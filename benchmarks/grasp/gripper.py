@@ -24,8 +24,7 @@ def finger(*overrides: str) -> ChainModel:
 
 def grasp(**settings: Any) -> Grasp:
     """The task with some settings, keys as in a study."""
-    task: Grasp = component("task", "grasp", **settings)
-    return task
+    return component("task", "grasp", **settings)
 
 
 def code_of(*engines: str) -> str:

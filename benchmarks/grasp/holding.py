@@ -32,7 +32,6 @@ MUJOCO_DEFAULTS = {
 
 
 def main() -> None:
-    """Limits, then creep."""
     quick = parser_of(__doc__, "two cases, coarsely; nothing is taken over").parse_args().quick
     resolution = 0.010 if quick else 0.002
     chain = finger()
@@ -100,7 +99,6 @@ def creep_m_s(
         object=name, pressure=pressure, extra_weights=1, weight_kg=extra_kg or 1e-6, final_time_s=2 * HOLD_S
     )
     result = task.run(chain, backend.build_scene)
-    assert result.frames is not None
     if result.metrics["z_end_m"] < 0.5 * task.config.lift_height_m:
         return None
     time_s, height = result.frames.time_s, result.frames.positions_m[:, 0, 2]

@@ -30,7 +30,6 @@ LOST_MM = 120.0
 
 
 def main() -> None:
-    """Both tables."""
     law = helix_law()
     chain = helix(law)
     rest = settle(engine("quasistatic"), chain, inputs(LOAD_KG))[0].markers_m
@@ -44,10 +43,8 @@ def main() -> None:
     def script(step_s: float, motor_n_m: float) -> Ended:
         return published.run(chain, efforts_of(law), LOAD_KG, motor_n_m, step_s)
 
-    tables = {
-        "mujoco": table("mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, mujoco),
-        "published": [],
-    }
+    title = "mujoco: joint damping, N·m·s/rad"
+    tables = {"mujoco": table(title, STEPS_S, DAMPINGS, rest, mujoco), "published": []}
     if known("pybullet"):
         title = "published formulation: friction of the motors, N·m"
         tables["published"] = table(title, PUBLISHED_STEPS_S, MOTORS_N_M, rest, script)

@@ -37,7 +37,6 @@ Efforts = Callable[[Array], Array]
 
 
 def main() -> None:
-    """Every engine with the right law and with the published one."""
     law = helix_law()
     laws: dict[str, JointLaw] = {"energy-consistent": law, "as published": UnmappedLaw(law, "child")}
     results: dict[str, dict[str, float]] = {}
@@ -96,9 +95,8 @@ def leak(efforts: Efforts, energy: ChainStatics, seed: int, points: int = POINTS
     phases = orders * 2 * np.pi * np.arange(points) / points
     sines, cosines = np.sin(phases), np.cos(phases)
     path = np.einsum("ht,hna->tna", sines, sine) + np.einsum("ht,hna->tna", cosines, cosine)
-    slope = np.einsum("ht,hna->tna", orders * cosines, sine) - np.einsum(
-        "ht,hna->tna", orders * sines, cosine
-    )
+    slope = np.einsum("ht,hna->tna", orders * cosines, sine)
+    slope = slope - np.einsum("ht,hna->tna", orders * sines, cosine)
     size = LARGEST_ANGLE_RAD / np.abs(path).max()
     work = sum(np.sum(efforts(q) * dq) for q, dq in zip(size * path, size * slope, strict=True))
     peak = max(energy.efforts.potential(q, {"pressure_pa": 0.0}) for q in size * path)

@@ -61,10 +61,8 @@ class SettledRod:
         return float(self.cpu_s[min(last, len(self.cpu_s) - 1)])
 
 
-class _Rods(
-    elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing, elastica.Damping
-):  # what PyElastica asks for: a class of one's own of the features wanted
-    pass
+class _Rods(elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing, elastica.Damping):
+    """What PyElastica asks for: a class of one's own of the features wanted."""
 
 
 def settle_rod(
@@ -76,17 +74,14 @@ def settle_rod(
     step = COURANT * cell * math.sqrt(float(rod.mass.sum()) / float(rod.rest_lengths.sum()) / options.axial_n)
     system: Any = _Rods()
     system.append(rod)
-    system.constrain(rod).using(
-        elastica.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,)
-    )
+    clamped = {"constrained_position_idx": (0,), "constrained_director_idx": (0,)}
+    damping = {"uniform_damping_constant": options.damping_per_s, "time_step": step}
     weight = np.array([0.0, 0.0, -G_M_S2])
+    tip = (np.zeros(3), load_kg * weight)
+    system.constrain(rod).using(elastica.OneEndFixedBC, **clamped)
     system.add_forcing_to(rod).using(elastica.GravityForces, acc_gravity=weight)
-    system.add_forcing_to(rod).using(
-        elastica.EndpointForces, np.zeros(3), load_kg * weight, ramp_up_time=1e-9
-    )
-    system.dampen(rod).using(
-        elastica.AnalyticalLinearDamper, uniform_damping_constant=options.damping_per_s, time_step=step
-    )
+    system.add_forcing_to(rod).using(elastica.EndpointForces, *tip, ramp_up_time=1e-9)
+    system.dampen(rod).using(elastica.AnalyticalLinearDamper, **damping)
     system.finalize()
     stepper = elastica.PositionVerlet()
     tips, times = [], []
@@ -113,18 +108,10 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
     radius = float(np.mean([spec.radius_m for spec in cells]))
     # PyElastica calls inertias of grams and millimetres suspicious, on the root logger.
     logging.disable(logging.WARNING)
-    rod = elastica.CosseratRod.straight_rod(
-        len(elements),
-        np.zeros(3),
-        along,
-        base[:, 1].copy(),
-        float(nodes[-1]),
-        radius,
-        1.0,
-        youngs_modulus=1.0,
-        shear_modulus=1.0,
-        position=np.outer(along, nodes),
-    )
+    frame = (np.zeros(3), along, base[:, 1].copy())
+    stiff = {"youngs_modulus": 1.0, "shear_modulus": 1.0, "position": np.outer(along, nodes)}
+    make = elastica.CosseratRod.straight_rod
+    rod = make(len(elements), *frame, float(nodes[-1]), radius, 1.0, **stiff)
     logging.disable(logging.NOTSET)
     _weigh(rod, elements, nodes, lengths, np.array([s.mass_kg / s.length_m for s in cells]), radius)
     for k in range(len(elements)):
@@ -133,7 +120,8 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
     for k, spec in enumerate(cells):
         # Each bend stands for its whole cell, whatever share of it PyElastica gives the node.
         share = rod.rest_voronoi_lengths[k] / lengths[k]
-        turn = _about_axis(spec.rotation_rad)
+        c, s = math.cos(spec.rotation_rad), math.sin(spec.rotation_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])  # about director 3
         rod.bend_matrix[..., k] = turn @ (stiffness * spec.length_m) @ turn.T * share
         rod.rest_kappa[:, k] = turn @ rest / spec.length_m / share
     return rod
@@ -160,9 +148,3 @@ def _module(law: AxesLaw) -> tuple[Array, Array]:
     stiffness = -effort.dtau_du[0]
     free = np.linalg.solve(stiffness, effort.tau[0])
     return stiffness[np.ix_(DIRECTORS, DIRECTORS)], free[DIRECTORS]
-
-
-def _about_axis(angle_rad: float) -> Array:
-    """Rotation about director 3, in the order of the directors."""
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

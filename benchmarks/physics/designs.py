@@ -27,7 +27,6 @@ SOLVED = "stable equilibrium"
 
 
 def main() -> None:
-    """Solve, judge, count."""
     cases, backend, ends = random_cases(DESIGNS), engine("quasistatic"), list[Equilibrium]()
     backend.settle_batch(cases[:2])  # compiles
     (wall_s,) = seconds_of(lambda: ends.extend(backend.settle_batch(cases)), clock=time.perf_counter)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -42,6 +41,7 @@ LOAD_KG = 0.020
 ROUNDS = 3
 BASELINE = "published formulation: bare script, networks"
 COLD = "quasi-static, cold start"
+POLYNOMIAL = "  the same, polynomial, all joints in one call"
 PRESET = "  the same as `preset: published`, polynomial"
 # Quick cases are repeated within a round, and their median is the round's time.
 QUICK_REPEATS = 25
@@ -49,18 +49,14 @@ MUJOCO_STEPS_S = (2e-3, 10e-3, 12.5e-3, 1 / 64, 20e-3)
 CLOSE_MM = 0.1
 
 
-@dataclass(frozen=True, eq=False)
 class Uncompiled(JointLaw):
     """A law without a scalar form, so that the quasi-static engine takes its numpy path."""
 
-    inner: AxesLaw
-    axes: tuple[str, ...] = ("x", "y", "z")
-    joint: Any = "spherical"
-    actuation_name: str = "pressure_pa"
-    domain: Any = field(init=False)
+    joint = "spherical"
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "domain", self.inner.domain)
+    def __init__(self, inner: AxesLaw) -> None:
+        self.inner, self.axes, self.domain = inner, inner.axes, inner.domain
+        self.actuation_name = inner.actuation_name
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         return self.inner.evaluate(actuation, deformation)
@@ -82,21 +78,16 @@ def cases(law: AxesLaw, networks: published.NetworkLaw, chain: ChainModel) -> di
     still, by_step = engine("quasistatic"), "mujoco, the same in a Python loop, steps of 12.5 ms"
     named: dict[str, Callable[[], Ended]] = {
         BASELINE: partial(published.run, chain, networks.efforts, LOAD_KG),
-        "  the same, polynomial, all joints in one call": partial(
-            published.run, chain, efforts_of(law), LOAD_KG
-        ),
+        POLYNOMIAL: partial(published.run, chain, efforts_of(law), LOAD_KG),
         PRESET: lambda: run_history(engine("pybullet", preset="published"), chain, LOAD_KG, published.STEP_S),
         COLD: partial(settled, still, chain),
         "quasi-static, building the chain's model included": partial(settled, still, chain, True),
-        "quasi-static, numpy instead of compiled": lambda: settled(
-            engine("quasistatic"), helix(Uncompiled(law))
-        ),
+        "quasi-static, numpy instead of compiled": lambda: settled(still, helix(Uncompiled(law))),
     }
     for step in MUJOCO_STEPS_S:
         backend = engine("mujoco", timestep_s=step)
-        named[f"mujoco, the same history, steps of {1e3 * step:.4g} ms"] = partial(
-            roll_history, backend, chain, LOAD_KG, step
-        )
+        name = f"mujoco, the same history, steps of {1e3 * step:.4g} ms"
+        named[name] = partial(roll_history, backend, chain, LOAD_KG, step)
     named[by_step] = partial(run_history, engine("mujoco", timestep_s=12.5e-3), chain, LOAD_KG, 12.5e-3)
     for kind in ("mujoco", "pybullet"):
         named[f"{kind}, settle"] = partial(settled, engine(kind), chain)
@@ -104,7 +95,6 @@ def cases(law: AxesLaw, networks: published.NetworkLaw, chain: ChainModel) -> di
 
 
 def main() -> None:
-    """Warm up, run the rounds, print the tables."""
     law = helix_law()
     networks, chain = published.network_law(law), helix(law)
     errors = published.fit_errors(law, networks)
@@ -195,10 +185,8 @@ def mujoco_histories(chain: ChainModel, baseline: list[float]) -> tuple[list[dic
         backend, cells = engine("mujoco", timestep_s=step), []
         for load in LOADS_KG:
             runs = [roll_history(backend, chain, load, step) for _ in range(2 * ROUNDS + 1)]
-            wall, away = (
-                statistics.median(run.cpu_s for run in runs),
-                largest_mm(runs[-1].markers_m, rest[load]),
-            )
+            wall = statistics.median(run.cpu_s for run in runs)
+            away = largest_mm(runs[-1].markers_m, rest[load])
             times = statistics.median(baseline) / wall
             cells.append({"load_kg": load, "step_s": step, "cpu_s": wall, "away_mm": away, "ratio": times})
         rows += cells

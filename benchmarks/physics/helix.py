@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array, Design
 from pliant.records.fem import FemDataset
 from pliant.records.history import History
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Domain, Effort, JointLaw, LawRecord
 from pliant.records.rollout import Inputs
 from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
@@ -82,20 +82,9 @@ def read_table() -> FemDataset | None:
         return None
     n = len(column["pressure_pa"])
     unknown = np.full(n, np.nan)
-    return FemDataset(
-        design=Design("published", {}),
-        axis="y",
-        actuation_name="pressure_pa",
-        actuation=column["pressure_pa"],
-        angle_rad=2.0 * column["half_angle_rad"],
-        moment_n_m=column["moment_n_m"],
-        dmoment_dp=unknown,
-        dmoment_du=unknown,
-        energy_j=unknown,
-        branch=np.full(n, "constrained"),
-        status=np.full(n, "ok"),
-        role=np.full(n, "fit"),
-    )
+    states = (column["pressure_pa"], 2.0 * column["half_angle_rad"], column["moment_n_m"])
+    words = (np.full(n, word) for word in ("constrained", "ok", "fit"))
+    return FemDataset(Design("published", {}), "y", "pressure_pa", *states, *[unknown] * 3, *words)
 
 
 def helix_law() -> AxesLaw:
@@ -151,9 +140,8 @@ def helix(
 
 
 def _segments(law: JointLaw, specs: Sequence[SegmentSpec]) -> list[Segment]:
-    return [
-        Segment(rod_module(law, s.length_m, s.mass_kg, s.radius_m), s.modules, s.rotation_rad) for s in specs
-    ]
+    modules = (rod_module(law, s.length_m, s.mass_kg, s.radius_m) for s in specs)
+    return [Segment(one, s.modules, s.rotation_rad) for one, s in zip(modules, specs, strict=True)]
 
 
 def cut(cells: int, specs: Sequence[SegmentSpec] = SEGMENTS) -> tuple[SegmentSpec, ...]:
@@ -175,7 +163,6 @@ def inputs(load_kg: float, pressure_pa: float = PRESSURE_PA) -> Inputs:
     return Inputs({"pressure_pa": pressure_pa}, tip_force_n=np.array([0.0, 0.0, -load_kg * G_M_S2]))
 
 
-@dataclass(frozen=True, eq=False)
 class UnmappedLaw(JointLaw):
     """τ'(p, u) = J(u)ᵀ τ(p, u): the effort of `inner`, taken for a torque in the child's or parent's frame.
 
@@ -184,16 +171,11 @@ class UnmappedLaw(JointLaw):
     derives from no energy. As a law it runs in every engine through the engine's own, correct map.
     """
 
-    inner: JointLaw
-    frame: Literal["child", "parent"]
-    joint: JointKind = "spherical"
-    axes: tuple[str, ...] = field(init=False)
-    actuation_name: str = field(init=False)
-    domain: Domain = field(init=False)
+    joint = "spherical"
 
-    def __post_init__(self) -> None:
-        for name in ("axes", "actuation_name", "domain"):
-            object.__setattr__(self, name, getattr(self.inner, name))
+    def __init__(self, inner: JointLaw, frame: Literal["child", "parent"]) -> None:
+        self.inner, self.frame, self.axes, self.domain = inner, frame, inner.axes, inner.domain
+        self.actuation_name = inner.actuation_name
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         """Effort and exact slopes; ∂τ'/∂u is not symmetric."""

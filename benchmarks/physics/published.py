@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,11 +44,8 @@ def run(
     Raises:
         MissingDependencyError: PyBullet is not installed.
     """
-    bullet = Client()
-    try:
+    with closing(Client()) as bullet:
         return _run(bullet, chain, efforts, load_kg, motor_n_m, step_s)
-    finally:
-        bullet.close()
 
 
 def _run(
@@ -58,17 +56,10 @@ def _run(
     tip = chain.n_joints
     bullet.setGravity(*[float(g) for g in chain.gravity_m_s2])
     bullet.setTimeStep(step_s)
+    friction = {"positionGain": 0, "velocityGain": 1, "force": [motor_n_m] * 3}
+    still = {"targetPosition": [0, 0, 0, 1], "targetVelocity": [0, 0, 0]}
     for joint in joints:
-        bullet.setJointMotorControlMultiDof(
-            body,
-            joint,
-            bullet.POSITION_CONTROL,
-            targetPosition=[0, 0, 0, 1],
-            targetVelocity=[0, 0, 0],
-            positionGain=0,
-            velocityGain=1,
-            force=[motor_n_m] * 3,
-        )
+        bullet.setJointMotorControlMultiDof(body, joint, bullet.POSITION_CONTROL, **still, **friction)
     weight = [0.0, 0.0, -load_kg * float(np.linalg.norm(chain.gravity_m_s2))]
     start = time.process_time()
     for k in range(round(DURATION_S / step_s)):
@@ -92,8 +83,7 @@ def rotation_vectors(quaternions: Array) -> Array:
     q = np.where(quaternions[:, 3:] < 0, -quaternions, quaternions)
     sine = np.sqrt((q[:, :3] ** 2).sum(axis=1))
     angle = 2 * np.arctan2(sine, q[:, 3])
-    vectors: Array = q[:, :3] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 2.0)[:, None]
-    return vectors
+    return q[:, :3] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 2.0)[:, None]
 
 
 def bullet_body(bullet: Client, chain: ChainModel) -> int:
@@ -230,4 +220,4 @@ def _fitted(law: AxesLaw, axis: int, random: np.random.Generator) -> Network:
     right = np.concatenate([target / scale, np.zeros(WIDTH + 1)])
     w3 = scale * np.linalg.lstsq(np.vstack([columns, ridge]), right, rcond=None)[0]
     layers = [w1, b1, w2, b2, w3[:-1, None], w3[-1:]]
-    return Network(tuple(np.asarray(layer, np.float32) for layer in layers))  # type: ignore[arg-type]
+    return Network(tuple(np.asarray(layer, np.float32) for layer in layers))

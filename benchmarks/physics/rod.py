@@ -19,7 +19,6 @@ LOAD_KG = 0.020
 
 
 def main() -> None:
-    """Settle the rod, the chain and the two wrong chains under every load."""
     law, still = linear_law(), engine("quasistatic")
     laws = {"right": law, "child": UnmappedLaw(law, "child"), "parent": UnmappedLaw(law, "parent")}
     chains = {name: helix(one, end_cylinder=False) for name, one in laws.items()}

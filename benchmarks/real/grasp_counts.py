@@ -43,11 +43,8 @@ TRIALS, SCAN_TRIALS = 8, 4
 CERTAIN = (("egg", "15", "6"), ("egg", "15", "5"), ("cylinder", "15", "4"), ("cylinder", "13", "4"))
 # The published set-up: friction 0.8, inclination 30°, bases at 14 mm, noise as stated; what it leaves open stays open.
 PUBLISHED = ("noise={friction: 5 %, pressure: 0.5 kPa, placement: 5 %}", "task.seed=20260")
-EFFECTS = (
-    "actuation_gain",
-    "pressure_offset",
-    "stiffness",
-)  # stiffness last: a law with a term takes five times as long
+# Stiffness last: a law with a term takes five times as long.
+EFFECTS = ("actuation_gain", "pressure_offset", "stiffness")
 CYLINDER = {"task.object": "cylinder"}
 # Ranges that would surprise nobody who builds such a gripper; the reasons stand in docs/what_real_data_taught_us.md.
 RANGES: tuple[dict[str, Any], ...] = (
@@ -63,7 +60,6 @@ RANGES: tuple[dict[str, Any], ...] = (
 
 
 def main() -> None:
-    """Both comparisons, then the scan."""
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
@@ -124,8 +120,8 @@ def draw(judged: CountEvidence) -> None:
         [one.condition.words for one in plain],
         Series("measured (three sets of ten)", [one.measured for one in plain], [True] * len(plain)),
         [
-            Series(label, [one.simulated for one in conditions], [one.disagrees for one in conditions])
-            for label, conditions in shown.items()
+            Series(label, [one.simulated for one in found], [one.disagrees for one in found])
+            for label, found in shown.items()
         ],
     )
     PICTURE.write_bytes(png.tobytes())
@@ -175,9 +171,8 @@ def print_conditions(theirs: CountComparison, found: CountEvidence) -> None:
 
 def print_ranking(found: CountEvidence) -> None:
     """Every hypothesis with its evidence, its best level and what it leaves."""
-    print(
-        f"\n{'hypothesis':<46}{'probability':>12}{'evidence':>10}{'best at':>16}{'likelihood':>12}{'left over':>11}"
-    )
+    heads = f"{'evidence':>10}{'best at':>16}{'likelihood':>12}{'left over':>11}"
+    print(f"\n{'hypothesis':<46}{'probability':>12}{heads}")
     for kinds, probability in found.probability.items():
         name = ", ".join(kinds) or "nothing missing"
         evidence = found.log_evidence[kinds]
@@ -216,11 +211,8 @@ def result(
 
 def _row(kinds: Sequence[str], found: CountEvidence) -> dict[str, Any]:
     key = tuple(kinds)
-    base = {
-        "kinds": list(key),
-        "probability": found.probability[key],
-        "log_evidence": found.log_evidence[key],
-    }
+    evidence = {"probability": found.probability[key], "log_evidence": found.log_evidence[key]}
+    base = {"kinds": list(key), **evidence}
     if key == UNKNOWN:
         return base
     row = found.rows[key]

@@ -71,7 +71,6 @@ class OneRun:
         self.bench, self.measurement = bench, measurement
         self.asked = kinds
         history = measurement.runs[0].history
-        assert history.time_s is not None
         self.readings = ReadingVector.of(measurement, ("angle_rad",), {"angle_rad": SCALE_RAD})
         self.folds = folds(history.time_s, block_s)
 

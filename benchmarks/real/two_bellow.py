@@ -17,17 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.output import write
+from benchmarks.real import two_bellow_data
 from benchmarks.real.one_run import OneRun, Step
-from benchmarks.real.two_bellow_data import (
-    ANGLE,
-    BLOCK_S,
-    FILE,
-    Bench,
-    StaticLaw,
-    open_bench,
-    rms,
-    static_laws,
-)
+from benchmarks.real.two_bellow_data import ANGLE, BLOCK_S, FILE, Bench, StaticLaw, open_bench, rms
 
 from pliant.config.study import Study
 from pliant.diagnosis.improvement import improve
@@ -47,7 +39,6 @@ SILENT = """\
 
 
 def main() -> None:
-    """Both directions."""
     if not FILE.is_file():
         print(f"skipped: {FILE} is not here")
         return
@@ -57,10 +48,12 @@ def main() -> None:
         bench = open_bench(Path(folder))
         for training, unseen in DIRECTIONS:
             found[f"{training} -> {unseen}"] = direction(bench, training, unseen, quick)
-    for way, ratio in (
-        ("pliant improve", found["12V -> 7V"]["improve"]["fall"]),
-        ("the walk on blocks left out, for comparison", found["12V -> 7V"]["fall"]),
-    ):
+    one = found["12V -> 7V"]
+    falls = {
+        "pliant improve": one["improve"]["fall"],
+        "the walk on blocks left out, for comparison": one["fall"],
+    }
+    for way, ratio in falls.items():
         verdict = "met" if ratio >= BAR else "MISSED"
         print(f"bar: 12V -> 7V, {way}: error falls by {ratio:.2f} (at least {BAR}): {verdict}")
     print(f"\nwhat two runs cannot judge, and the run of the default menu that would\n{SILENT}")
@@ -81,13 +74,14 @@ def direction(bench: Bench, training: str, unseen: str, quick: bool) -> dict[str
     steps = walk(bench, training, scores, BLOCK_S, table)
     last = scores.of_study(steps[-1].study)
     improved = by_improve(bench, steps[0], training, scores, base)
+    end, law = steps[-1], steps[-1].study.surrogate
     found: dict[str, Any] = {
         "table": table,
         "improve": improved,
-        "kinds": steps[-1].kinds,
-        "values": dict(steps[-1].values),
-        "law": steps[-1].study.surrogate.canonical() if steps[-1].study.surrogate else {},
+        "kinds": end.kinds,
+        "values": dict(end.values),
     }
+    found["law"] = law.canonical() if law else {}
     for name, law in (("", base), ("_of_two_pressures", apart)):
         before = scores.of_law(law)
         falls = [rms(before[part]) / rms(last[part]) for part in scores.parts]
@@ -114,8 +108,7 @@ class Scores:
 
     def of_law(self, law: StaticLaw) -> Array:
         """(t,) angles of a law, rad."""
-        error: Array = self.bench.measured(self.unseen) - law.predict(*self.bench.pressures(self.unseen))
-        return error
+        return self.bench.measured(self.unseen) - law.predict(*self.bench.pressures(self.unseen))
 
     def of_study(self, study: Study) -> Array:
         """(t,) angles of a study's model, rad."""
@@ -126,21 +119,14 @@ class Scores:
         whole, common, beyond = (rms(error[part]) for part in self.parts)
         last = f"{beyond:7.4f}" if beyond == beyond else "      -"
         print(f"{name:44s}  {training:7.4f} {blocked:7.4f} {whole:7.4f} {common:7.4f} {last}")
-        return {
-            "model": name,
-            "training": training,
-            "blocks": blocked,
-            "unseen": whole,
-            "common": common,
-            "beyond": None if beyond != beyond else beyond,
-        }
+        errors = {"unseen": whole, "common": common, "beyond": None if beyond != beyond else beyond}
+        return {"model": name, "training": training, "blocks": blocked, **errors}
 
 
 def baselines(bench: Bench, training: str) -> list[StaticLaw]:
     """Static laws of the training run."""
     time_s = bench.history(training).time_s
-    assert time_s is not None
-    return static_laws(*bench.pressures(training), bench.measured(training), time_s)
+    return two_bellow_data.static_laws(*bench.pressures(training), bench.measured(training), time_s)
 
 
 def best(laws: Sequence[StaticLaw], apart: bool = False) -> StaticLaw:

@@ -97,7 +97,6 @@ def open_bench(folder: Path) -> Bench:
     for name in RUNS:
         others = [{"run": other} for other in RUNS if other != name]
         settings = opened.study.measurements
-        assert settings is not None
         settings = type(settings).model_validate({**settings.model_dump(mode="json"), "exclude": others})
         runs[name] = read_measurement(FILE, settings=settings, actuation=CHAMBERS)
     return Bench(opened, runs)

@@ -27,7 +27,6 @@ WIDTH = 9.0
 
 
 def main() -> None:
-    """Both directions in time, then the loops."""
     if not FILE.is_file():
         print(f"skipped: {FILE} is not here")
         return
@@ -52,7 +51,6 @@ def in_time(bench: Bench, found: Found) -> None:
     for k, (unseen, (training, law, last)) in enumerate(found.items()):
         time = bench.history(unseen).time_s
         measured, models = bench.measured(unseen), predictions(bench, unseen, law, last)
-        assert time is not None
         upper, lower = panels[2 * k], panels[2 * k + 1]
         upper.set_title(f"run {unseen}; models fitted to run {training} only", loc="left", fontsize=10)
         upper.plot(time, measured, color=MEASURED, lw=1.3, label="measured")

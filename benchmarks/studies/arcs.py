@@ -63,7 +63,6 @@ def closest(target: Array) -> curves.Distances:
 
 
 def main() -> None:
-    """Print both."""
     helix = curves.helix(RADIUS_M, HEIGHT_M, 1.0, True)
     for words, target in (
         ("its axis along the base's", helix),

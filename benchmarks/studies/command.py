@@ -142,13 +142,15 @@ def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[
         error: NotReachedError = nothing_found(result)
         raise error
     kernel = min(before, kernel_s())
+    physics = opened.study.physics
+    engine = physics.kind if physics is not None else DEFAULT_PHYSICS
     found = {
         "pliant": __version__,
         "command": "optimize",
         "study": opened.study.name,
         "words": asked.words,
-        **search_json(result, engine_of(opened)),
-        "engine": engine_of(opened),
+        **search_json(result, engine),
+        "engine": engine,
         "history": history_rows(result),
         "machine": here,
         "workers": workers,
@@ -167,14 +169,12 @@ def kernel_s() -> float:
     random = np.random.default_rng(0)
     matrix = random.random((SIZE, SIZE)) + SIZE * np.eye(SIZE)
     right = random.random(SIZE)
-    return min(
-        seconds_of(lambda: [np.linalg.solve(matrix, right) for _ in range(SOLVES)], ROUNDS, time.perf_counter)
-    )
 
+    def solves() -> None:
+        for _ in range(SOLVES):
+            np.linalg.solve(matrix, right)
 
-def engine_of(opened: api.OpenStudy) -> str:
-    """The study's own engine."""
-    return opened.study.physics.kind if opened.study.physics is not None else DEFAULT_PHYSICS
+    return min(seconds_of(solves, ROUNDS, time.perf_counter))
 
 
 def history_rows(result: SearchResult) -> list[dict[str, Any]]:
@@ -196,9 +196,7 @@ def history_rows(result: SearchResult) -> list[dict[str, Any]]:
 
 def spread(count: int, most: int) -> list[int]:
     """Indices 0 … count − 1, of many the evenly spread ones with both ends."""
-    return (
-        [int(k) for k in np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))] if count else []
-    )
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist() if count else []
 
 
 def brief(values: Any) -> Any:
@@ -263,6 +261,13 @@ class Given:
         """Whether a part is to be run."""
         return not self.only or part in self.only
 
+    def part(
+        self, parts: Parts, name: str, study: Study, make: Callable[[], Mapping[str, Any]]
+    ) -> Part | None:
+        """A part of a study; of one that is not wanted only what is there."""
+        of = made_of(study)
+        return parts.get(name, of, make) if self.wants(name) else parts.known(name, of)
+
     def stated(self) -> dict[str, Any]:
         """What a result says of how it was asked for."""
         return {"small": self.small, "overrides": list(self.overrides)}
@@ -300,15 +305,12 @@ def given_of(found: argparse.Namespace, name: str) -> Given:
     if found.small and found.publish:
         raise UserError("--small is no study to publish; leave out one of --small and --publish.")
     seeds, grasps = getattr(found, "seeds", None), getattr(found, "seed_grasps", None)
-    for option, value in (("--workers", found.workers), ("--seeds", seeds), ("--seed-grasps", grasps)):
-        if value is not None and value < (0 if option == "--seeds" else 1):
-            raise UserError(
-                f"{option} is {value}; give a number of at least {0 if option == '--seeds' else 1}."
-            )
-    return Given(
-        name, found.small, tuple(found.only), found.workers, found.publish, found.fresh, found.quiet, found.out,
-        found.store, DOCS, tuple(found.overrides), seeds, grasps,
-    )  # fmt: skip
+    counts = (("--workers", found.workers, 1), ("--seeds", seeds, 0), ("--seed-grasps", grasps, 1))
+    for option, value, least in counts:
+        if value is not None and value < least:
+            raise UserError(f"{option} is {value}; give a number of at least {least}.")
+    lists = {"only": tuple(found.only), "overrides": tuple(found.overrides)}
+    return Given(name, **{**vars(found), **lists})
 
 
 def run_command(work: Callable[[], Any]) -> int:

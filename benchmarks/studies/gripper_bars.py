@@ -1,4 +1,4 @@
-"""The check of the winners and the baseline, what the co-design study is to reach, and its parts in lines."""
+"""Searches for grippers: scores and policies, the check of winners and baseline, what is to be reached, lines."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import Bar
+from benchmarks.studies.command import brief, spread
 from benchmarks.studies.page import clock, millimetres, number, percent
 from benchmarks.studies.published import GRIPPER, GRIPPER_BARS
 
@@ -15,9 +16,64 @@ from pliant.config.study import Study
 from pliant.errors import PliantError
 from pliant.pipeline.study import simulate_study
 from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.records.search import STATUSES, SearchResult
 from pliant.search.evaluate.evaluator import measured, numbers, problem_of
 from pliant.search.problem.study_setter import StudySetter, changed
 from pliant.search.verify.direct_fem import direct_studies, solvable
+
+LAST, MOST_DRAWS, MOST_POINTS = 0.25, 60, 60
+
+
+def score(result: SearchResult) -> float:
+    """The first objective of the best design, as stated; of one design per task the mean over the tasks."""
+    values = [next(iter(design.objectives.values())) for design in result.best]
+    return float(np.mean(values)) if result.best[0].context >= 0 else float(values[0])
+
+
+def stable_tasks(result: SearchResult) -> int:
+    """Tasks whose grasp is stable, with their best design and the noise of the search."""
+    found = {task: metrics for design in result.best for task, metrics in design.conditions.items()}
+    return sum(metrics.get("success_share", 0.0) == 1.0 for metrics in found.values())
+
+
+def curve(result: SearchResult) -> dict[str, list[Any]]:
+    """Score of the best so far against the grasps made: `grasps`, `score` (None before every task has one)."""
+    history, sign = result.history, -1.0 if result.maximised[0] else 1.0
+    contexts = sorted({int(k) for k in history.context})
+    scores = (np.where(history.context == one, history.objectives[:, 0], np.nan) for one in contexts)
+    columns = [np.fmin.accumulate(one) for one in scores]
+    best: Array = sign * np.mean(columns, axis=0) if columns else np.zeros(0)
+    tried = max(1, len(result.conditions)) if contexts == [-1] else 1
+    grasps = tried * np.cumsum(history.status != STATUSES.index("refused"))
+    at = spread(len(best), MOST_POINTS)
+    return {"grasps": [int(grasps[k]) for k in at], "score": brief(best[at])}
+
+
+def acting(problem: Any) -> dict[str, list[str]]:
+    """Task → the variables of a `SearchProblem` that set a key in it."""
+    return {
+        condition.name: [one.name for one in problem.variables if index in one.conditions]
+        for index, condition in enumerate(problem.conditions)
+    }
+
+
+def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
+    """Task → variable → values that were proposed for it in the last quarter of a search with contexts; else empty.
+
+    Variables that are one for several tasks stand under its name, with the value that they have in the task.
+    """
+    history = result.history
+    if not (history.context >= 0).any():
+        return {}
+    late = np.arange(len(history)) >= (1 - LAST) * len(history)
+    found = {}
+    for index, task in enumerate(result.conditions):
+        rows = np.flatnonzero((history.context == index) & late & (history.status == STATUSES.index("ok")))
+        few = [rows[k] for k in spread(len(rows), MOST_DRAWS)]
+        columns = {name: np.asarray(values)[few] for name, values in history.values.items()}
+        found[task] = {name: brief(own) for name, own in columns.items() if np.isfinite(own).all()}
+    return found
 
 
 def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
@@ -48,7 +104,6 @@ def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
             except PliantError as error:
                 notes.append(f"{kind}, {condition.name}: {error}")
                 continue
-            assert run.result is not None
             trials = {"trials": float(getattr(case.task, "trials", 1))}
             engines.setdefault(run.kind, {})[condition.name] = numbers(measured(run.result)) | trials
     return {
@@ -86,45 +141,26 @@ ENGINES = 2
 def bars(result: Mapping[str, Any]) -> list[Bar]:
     """Time, stable grasps in every engine, the law of the winner, seeds of the comparison."""
     run = result["runs"].get(MAIN)
-    found = [
-        Bar(
-            f"{MAIN}: {run['simulations'] if run else GRIPPER['grasps']} runs of a grasp, wall time",
-            run["wall_s"] if run else None,
-            float(GRIPPER_BARS["wall_s"]),
-            "min",
-            scale=1 / 60,
-            published=f"about {clock(GRIPPER['our_estimates']['wall_s'])} (our estimate)",
-        )
-    ]
-    checked = engines_of(run) if run else {}
-    shares = {engine: stable(tasks) for engine, tasks in checked.items()}
-    for engine, (held, trials) in shares.items():
-        found.append(_held(f"{MAIN}: stable grasps in {engine}, of {trials}, verified", held / trials))
-    missing = ENGINES - len(shares)
-    found += [_held(f"{MAIN}: stable grasps, verified, one more engine", None)] * missing
-    found.append(
-        Bar(
-            f"{MAIN}: law of the winner against direct FEM, RMS of the largest torque",
-            worst_law(run),
-            float(GRIPPER_BARS["law_rmse_of_largest"]),
-            "%",
-            scale=100.0,
-            published=percent(GRIPPER["law_rmse_of_largest"], 3),
-        )
-    )
-    seeds = min((len(parts) for parts in result["seeds"].values()), default=0)
-    wanted = float(GRIPPER_BARS["seeds"])
-    found.append(
-        Bar("seeds of every optimizer at equal grasps", float(seeds) or None, wanted, "", at_most=False)
-    )
-    return found
-
-
-def _held(what: str, share: float | None) -> Bar:
-    words = f"{GRIPPER['stable']}/{GRIPPER['trials']} in one engine"
-    return Bar(
-        what, share, float(GRIPPER_BARS["stable_share"]), "%", scale=100.0, at_most=False, published=words
-    )
+    grasps, estimate = run["simulations"] if run else GRIPPER["grasps"], GRIPPER["our_estimates"]["wall_s"]
+    limit, law = GRIPPER_BARS["wall_s"], GRIPPER["law_rmse_of_largest"]
+    about = f"about {clock(estimate)} (our estimate)"
+    wall_s = run["wall_s"] if run else None
+    name = f"{MAIN}: {grasps} runs of a grasp, wall time"
+    found = [Bar(name, wall_s, limit, "min", scale=1 / 60, published=about)]
+    shares = {engine: stable(tasks) for engine, tasks in engines_of(run).items()} if run else {}
+    held = {
+        f"{MAIN}: stable grasps in {engine}, of {n}, verified": k / n for engine, (k, n) in shares.items()
+    }
+    wanted: list[tuple[str, float | None]] = [*held.items()]
+    wanted += [(f"{MAIN}: stable grasps, verified, one more engine", None)] * (ENGINES - len(shares))
+    words, share = f"{GRIPPER['stable']}/{GRIPPER['trials']} in one engine", GRIPPER_BARS["stable_share"]
+    found += [Bar(what, reached, share, "%", False, 100.0, words) for what, reached in wanted]
+    name = f"{MAIN}: law of the winner against direct FEM, RMS of the largest torque"
+    limit = GRIPPER_BARS["law_rmse_of_largest"]
+    found.append(Bar(name, worst_law(run), limit, "%", scale=100.0, published=percent(law, 3)))
+    seeds = float(min((len(parts) for parts in result["seeds"].values()), default=0))
+    name = "seeds of every optimizer at equal grasps"
+    return [*found, Bar(name, seeds or None, float(GRIPPER_BARS["seeds"]), "", at_most=False)]
 
 
 def worst_law(run: Mapping[str, Any] | None) -> float | None:
@@ -136,13 +172,8 @@ def worst_law(run: Mapping[str, Any] | None) -> float | None:
 def of_seeds(parts: list[dict[str, Any]]) -> dict[str, float]:
     """Mean, standard deviation, lowest and highest score over seeds."""
     scores = np.array([one["score"] for one in parts], float)
-    spread = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
-    return {
-        "mean": float(scores.mean()),
-        "sd": spread,
-        "low": float(scores.min()),
-        "high": float(scores.max()),
-    }
+    sd = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
+    return {"mean": float(scores.mean()), "sd": sd, "low": float(scores.min()), "high": float(scores.max())}
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:

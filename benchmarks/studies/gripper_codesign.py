@@ -21,7 +21,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -40,8 +40,16 @@ from benchmarks.studies.command import (
     run_command,
     searched,
 )
-from benchmarks.studies.gripper_bars import bars, baseline, lines
-from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
+from benchmarks.studies.gripper_bars import (
+    acting,
+    bars,
+    baseline,
+    curve,
+    lines,
+    policy,
+    score,
+    stable_tasks,
+)
 from benchmarks.studies.published import GRIPPER
 
 from pliant import api
@@ -74,7 +82,6 @@ LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    """Run what is left, print the bars, publish where that is asked for."""
     parser = arguments(parser_of(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
@@ -122,10 +129,8 @@ def few(study: Study) -> Study:
 def candidates(opened: api.OpenStudy, grasps: int) -> int:
     """The budget that makes so many grasps: an optimizer with contexts tries a candidate in one task only."""
     config, optimizer = opened.study.need("search", "a study"), opened.study.optimizer
-    assert optimizer is not None
-    one_each = (
-        opened.bench.registry.get("optimizer", optimizer.kind).implementation_class().capabilities.contexts
-    )
+    component = opened.bench.registry.get("optimizer", optimizer.kind)
+    one_each = component.implementation_class().capabilities.contexts
     return grasps if one_each else max(1, grasps // max(1, len(config.conditions)))
 
 
@@ -143,12 +148,6 @@ def _opened(
     return opened if grasps is None else read(f"search.budget={candidates(opened, grasps)}")
 
 
-def _kept(
-    parts: Parts, name: str, wanted: bool, of: str, make: Callable[[], Mapping[str, Any]]
-) -> Part | None:
-    return parts.get(name, of, make) if wanted else parts.known(name, of)
-
-
 def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
     opened = _opened(asked, given, SMALL_GRASPS if given.small else None)
 
@@ -156,35 +155,25 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
         part, record = searched(asked, opened, given.workers)
         acts = acting(problem_of(opened.bench, opened.study))
         tasks = {"tasks": list(record.conditions), "acting": acts, "stable_tasks": stable_tasks(record)}
-        return {
-            **part,
-            **tasks,
-            "score": score(record),
-            "policy": policy(record),
-            "curve": curve(record),
-        }
+        return {**part, **tasks, "score": score(record), "policy": policy(record), "curve": curve(record)}
 
-    return _kept(parts, asked.name, given.wants(asked.name), made_of(opened.study), make)
+    return given.part(parts, asked.name, opened.study, make)
 
 
 def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """The gripper that the study starts from, in the same check as the winners."""
     opened = _opened(asked, given, None)
-    return _kept(
-        parts,
-        BASELINE,
-        given.wants(BASELINE),
-        made_of(opened.study),
-        lambda: {"part": BASELINE, **baseline(opened.bench, opened.study)},
-    )
+    make = partial(baseline, opened.bench, opened.study)
+    return given.part(parts, BASELINE, opened.study, lambda: {"part": BASELINE, **make()})
 
 
 def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list[Part]]:
     """Every optimizer at every seed, without the check of its winner; of a table, published ones are finished too."""
     count = given.seeds if given.seeds is not None else SMALL_SEEDS if given.small else FULL_SEEDS
     grasps = given.seed_grasps or (SMALL_SEED_GRASPS if given.small else None)
-    if grasps is None and not given.wants(SEEDS):
-        grasps = _published_grasps(parts)
+    if grasps is None and not given.wants(SEEDS):  # the budget of the searches in the published table
+        budgets = [name.rpartition("_")[2] for name in parts.published if name.startswith("seed_")]
+        grasps = next((int(budget) for budget in budgets if budget.isdecimal()), None)
     found: dict[str, list[Part]] = {}
     for seed in range(1, count + 1):
         for one in asked:
@@ -200,22 +189,11 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
     return found
 
 
-def _published_grasps(parts: Parts) -> int | None:
-    """The budget of the searches in the published table; None: that of the main ones, or there is no table."""
-    budgets = [name.rpartition("_")[2] for name in parts.published if name.startswith("seed_")]
-    return next((int(budget) for budget in budgets if budget.isdecimal()), None)
-
-
 def _seed(asked: Asked, opened: api.OpenStudy, workers: int | None, name: str) -> Part:
     """What the table over seeds needs of a search."""
     part, record = searched(asked, opened, workers)
-    return {
-        "part": name,
-        **{key: part[key] for key in OF_SEEDS},
-        "score": score(record),
-        "stable_tasks": stable_tasks(record),
-        "curve": curve(record),
-    }
+    found = {"score": score(record), "stable_tasks": stable_tasks(record), "curve": curve(record)}
+    return {"part": name, **{key: part[key] for key in OF_SEEDS}, **found}
 
 
 def assembled(
@@ -224,14 +202,7 @@ def assembled(
     """The `optimize` result of the main search, with all parts, what was to be reached, the published figures."""
     short = {name: {k: v for k, v in part.items() if k not in LEFT_OUT} for name, part in runs.items()}
     whole: dict[str, Any] = {k: v for k, v in runs.get(MAIN, {}).items() if k != "made_of"}
-    found = {
-        **whole,
-        **stated,
-        "published": GRIPPER,
-        "runs": short,
-        "baseline": base,
-        "seeds": seeds,
-    }
+    found = {**whole, **stated, "published": GRIPPER, "runs": short, "baseline": base, "seeds": seeds}
     return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(found)]}
 
 

@@ -77,7 +77,8 @@ def policy_picture(result: Result) -> bytes | None:
 
 
 def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> None:
-    scale, unit = _shown(variable["unit"])
+    known = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "rad": (180 / np.pi, "°")}  # shown for SI units
+    scale, unit = known.get(variable["unit"], (1.0, variable["unit"]))
     for row, own in enumerate(tasks.values()):
         values = scale * np.array(own.get(variable["name"], []), float)
         if not len(values):
@@ -96,16 +97,13 @@ def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> Non
     axes.set_title(f"{variable['name']} ({unit})" if unit else variable["name"], fontsize=9.5)
 
 
-def _shown(unit: str) -> tuple[float, str]:
-    """Factor and name of the unit that is shown for an SI unit."""
-    known = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "rad": (180 / np.pi, "°")}
-    return known.get(unit, (1.0, unit))
-
-
 def seeds_picture(result: Result) -> bytes | None:
     """Score of the best so far against the grasps made: a panel per optimizer, a line per seed, and their median."""
+    # Grasps made and the score since then, NaN before every task has one.
     drawn = {
-        name: [_steps(part["curve"]) for part in parts] for name, parts in result["seeds"].items() if parts
+        name: [tuple(np.array(part["curve"][key], float) for key in ("grasps", "score")) for part in parts]
+        for name, parts in result["seeds"].items()
+        if parts
     }
     if not drawn:
         return None
@@ -114,33 +112,24 @@ def seeds_picture(result: Result) -> bytes | None:
         for axes, (name, steps), colour in zip(panels, drawn.items(), style.SERIES, strict=False):
             for grasps_made, scores in steps:
                 axes.plot(grasps_made, scores, drawstyle="steps-post", lw=0.9, alpha=0.6, color=colour)
-            axes.plot(*_median(steps), drawstyle="steps-post", lw=2.2, color=colour)
+            every = np.unique(np.concatenate([grasps_made for grasps_made, _ in steps]))
+            median = np.median([_at(one, every) for one in steps], axis=0)
+            axes.plot(every, median, drawstyle="steps-post", lw=2.2, color=colour)
             axes.set_title(f"{name}: {len(steps)} seed{'s' * (len(steps) > 1)} and their median")
             axes.set_xlabel("grasps")
-        every = [one for steps in drawn.values() for one in steps]
-        early = [float(_at(one, EARLY * one[0][-1])) for one in every]
+        curves = [one for steps in drawn.values() for one in steps]
+        early = [float(_at(one, EARLY * one[0][-1])) for one in curves]
         if np.isfinite(early).any():
-            panels[0].set_ylim(np.nanmin(early) - 0.05, max(np.nanmax(scores) for _, scores in every) + 0.05)
+            panels[0].set_ylim(np.nanmin(early) - 0.05, max(np.nanmax(scores) for _, scores in curves) + 0.05)
         panels[0].set_ylabel("best score so far")
         figure.set_layout_engine("constrained", w_pad=0.07)
         return style.small_png(figure).tobytes()
-
-
-def _steps(curve: dict[str, Any]) -> Steps:
-    """Grasps made and the score since then, NaN before every task has one."""
-    return np.array(curve["grasps"], float), np.array(curve["score"], float)
 
 
 def _at(steps: Steps, grasps_made: Any) -> Any:
     """The score at some numbers of grasps."""
     before = np.searchsorted(steps[0], grasps_made, side="right") - 1
     return np.where(before >= 0, steps[1][np.maximum(before, 0)], np.nan)
-
-
-def _median(steps: list[Steps]) -> Steps:
-    """Over seeds, from where all of them have a score."""
-    every = np.unique(np.concatenate([grasps_made for grasps_made, _ in steps]))
-    return every, np.median([_at(one, every) for one in steps], axis=0)
 
 
 def searches(result: Result) -> Iterator[str]:
@@ -180,12 +169,10 @@ def robust(result: Result) -> Iterator[str]:
     found = (result["runs"].get("robust") or {}).get("robustness")
     if not found:
         return
+    ways = ("nominal", "robust")
     rows = (
-        (
-            f"of the {design} search",
-            *(f"{found[f'{kind}_of_{design}']:.3f}" for kind in ("nominal", "robust")),
-        )
-        for design in ("nominal", "robust")
+        (f"of the {design} search", *(f"{found[f'{kind}_of_{design}']:.3f}" for kind in ways))
+        for design in ways
     )
     over = f"{found['measure']} over {found['samples']} scenarios"
     yield from table(f"design | reward where nothing deviates | {over}", rows)
@@ -251,11 +238,8 @@ def _checked(result: Result) -> Iterator[tuple[str, str, dict[str, Any], dict[st
 
 def _when_found(run: Mapping[str, Any]) -> str:
     """The score of designs that were tried again, as the search had seen them."""
-    before = [
-        next(iter(one["objectives_before"].values()))
-        for one in run["designs"]
-        if one.get("objectives_before")
-    ]
+    tried = (one.get("objectives_before") for one in run["designs"])
+    before = [next(iter(objectives.values())) for objectives in tried if objectives]
     return number(sum(before) / len(before)) if before else "–"
 
 
@@ -267,34 +251,18 @@ def _acting(run: Mapping[str, Any], design: Mapping[str, Any]) -> list[str]:
 
 
 def _of_task(metrics: Mapping[str, float] | None) -> str:
-    if metrics is None:
-        return "–"
-    held, trials = stable({"": metrics})
-    return f"{held}/{trials}"
+    return "–" if metrics is None else "{}/{}".format(*stable({"": metrics}))
 
 
-PICTURES: Pictures = {
-    "grasps": grasps_picture,
-    "policy": policy_picture,
-    "seeds": seeds_picture,
-}
+PICTURES: Pictures = {"grasps": grasps_picture, "policy": policy_picture, "seeds": seeds_picture}
 WORDS = {
     "grasps": "Stable grasps and rise of every gripper, task and engine",
     "policy": "What the policy proposes for every task",
     "seeds": "Score against grasps of every optimizer and seed",
 }
 TABLES: Tables = {
-    "state": page.state,
-    "reached": page.reached,
-    "searches": searches,
-    "grasps": grasps,
-    "robust": robust,
-    "by_task": by_task,
-    "laws": laws,
-    "designs": designs,
-    "seeds": seeds,
-    **{
-        f"{label}_picture": shows
-        for label, shows in page.shown_pictures("gripper_codesign", PICTURES, WORDS).items()
-    },
+    make.__name__: make
+    for make in (page.state, page.reached, searches, grasps, robust, by_task, laws, designs, seeds)
 }
+SHOWN = page.shown_pictures("gripper_codesign", PICTURES, WORDS)
+TABLES |= {f"{label}_picture": shows for label, shows in SHOWN.items()}

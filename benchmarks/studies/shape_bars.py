@@ -31,39 +31,25 @@ JUDGED = {
 
 def bars(runs: Runs) -> list[Bar]:
     """Accuracy, agreement and time of the runs that the task names; those that are missing are not run."""
-    found = []
+    found, given = [], SHAPE["verified"]
     for name, roll in JUDGED.items():
         run = runs.get(name)
         for metric, words in METRICS.items():
-            limit = SHAPE_BARS[roll][metric]  # type: ignore[index]
-            published = millimetres(SHAPE["verified"][metric]) if roll == "fixed" else ""
-            found.append(
-                Bar(
-                    f"{name}: {words}, verified",
-                    of_check(run, metric),
-                    limit,
-                    "mm",
-                    scale=1e3,
-                    published=published,
-                )
-            )
-        found.append(
-            Bar(
-                f"{name}: RMSE, verified against predicted",
-                apart(run),
-                float(SHAPE_BARS["apart_m"]),  # type: ignore[arg-type]
-                "mm",
-                scale=1e3,
-                published=millimetres(SHAPE["verified"]["rmse_m"] - SHAPE["rmse_m"]),
-            )
+            what, limit = f"{name}: {words}, verified", SHAPE_BARS[roll][metric]
+            published = millimetres(given[metric]) if roll == "fixed" else ""
+            found.append(Bar(what, of_check(run, metric), limit, "mm", scale=1e3, published=published))
+        what, published = (
+            f"{name}: RMSE, verified against predicted",
+            millimetres(given["rmse_m"] - SHAPE["rmse_m"]),
         )
+        found.append(Bar(what, apart(run), SHAPE_BARS["apart_m"], "mm", scale=1e3, published=published))
     for name, key in TIMED.items():
         wall_s = runs[name]["wall_s"] if name in runs else None
-        estimate = f"about {clock(SHAPE['our_estimates'][key])} (our estimate)"
-        limit_s = float(SHAPE_BARS[key])  # type: ignore[arg-type]
-        found.append(
-            Bar(f"{name}: search, wall time", wall_s, limit_s, "min", scale=1 / 60, published=estimate)
+        what, estimate = (
+            f"{name}: search, wall time",
+            f"about {clock(SHAPE['our_estimates'][key])} (our estimate)",
         )
+        found.append(Bar(what, wall_s, SHAPE_BARS[key], "min", scale=1 / 60, published=estimate))
     return found
 
 

@@ -35,7 +35,6 @@ from benchmarks.studies.command import (
     brief,
     conclude,
     given_of,
-    made_of,
     run_command,
     searched,
     spread,
@@ -93,7 +92,6 @@ LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    """Run what is left, print the bars, publish where that is asked for."""
     parser = arguments(parser_of(__doc__), [one.name for one in ASKED])  # fmt: skip
     sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
 
@@ -110,15 +108,12 @@ def study(given: Given) -> dict[str, Any]:
 def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """A search's part; of one that is not wanted only what is there."""
     opened = asked.opened(given.store_of(asked.name), given.overrides, given.quiet)
-    if not given.wants(asked.name):
-        return parts.known(asked.name, made_of(opened.study))
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
-        extra = {"structures": structures(record)}
-        return {**part, **extra, "lines": brief(winner_lines(opened, record))}
+        return {**part, "structures": structures(record), "lines": brief(winner_lines(opened, record))}
 
-    return parts.get(asked.name, made_of(opened.study), make)
+    return given.part(parts, asked.name, opened.study, make)
 
 
 def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str, Any]:
@@ -155,8 +150,6 @@ def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
         (winner,), _ = direct_studies(bench, [winner])
     run = simulate_study(bench, winner)
     found = run.engines[0].result
-    assert found is not None
-    assert run.chain is not None
     origin, frame = np.asarray(run.chain.base_position_m, float), np.asarray(run.chain.base_rotation, float)
     lines = {
         "backbone_m": found.metrics["backbone_points_m"],
@@ -176,15 +169,8 @@ def structures(result: SearchResult) -> list[dict[str, Any]]:
         if not len(best) or not np.isfinite(best[-1]):
             continue
         at = spread(len(best), MOST_POINTS)
-        found.append(
-            {
-                "values": dict(values),
-                "best": brief(best[-1]),
-                "candidates": len(best),
-                "at": [k + 1 for k in at],
-                "best_so_far": brief(best[at]),
-            }
-        )
+        curve = {"at": [k + 1 for k in at], "best_so_far": brief(best[at])}
+        found.append({"values": dict(values), "best": brief(best[-1]), "candidates": len(best), **curve})
     return sorted(found, key=lambda one: float(one["best"]))
 
 

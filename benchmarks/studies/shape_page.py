@@ -87,11 +87,8 @@ def backbones(result: Result) -> bytes | None:
 
 
 def _projection(axes: Any, lines: dict[str, Any], plane: tuple[int, int]) -> None:
-    for key, colour, look, label in (
-        ("target_m", style.SERIES[1], "--", "target"),
-        ("backbone_m", style.SERIES[0], "-", "backbone"),
-    ):
-        points = 1e3 * np.array(lines[key], float)
+    for label, colour, look in (("target", style.SERIES[1], "--"), ("backbone", style.SERIES[0], "-")):
+        points = 1e3 * np.array(lines[f"{label}_m"], float)
         axes.plot(points[:, plane[0]], points[:, plane[1]], look, color=colour, lw=2, label=label)
     joints = 1e3 * np.array(lines["joints_m"], float)
     axes.plot(joints[:, plane[0]], joints[:, plane[1]], "o", ms=3, color=style.SERIES[0], label="joints")
@@ -168,11 +165,5 @@ WORDS = {
     "history": "Best so far of every structure",
     "structures": "Best of every structure",
 }
-TABLES: Tables = {
-    "state": page.state,
-    "reached": page.reached,
-    "runs": runs,
-    "laws": laws,
-    "best": best,
-    **page.shown_pictures("shape_matching", PICTURES, WORDS),
-}
+TABLES: Tables = {make.__name__: make for make in (page.state, page.reached, runs, laws, best)}
+TABLES |= page.shown_pictures("shape_matching", PICTURES, WORDS)

@@ -13,10 +13,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, parser_of, registry, seconds_of, write
 from benchmarks.surrogates.kinds import as_json, left_out, line, scored, table
-
-from pliant.registry.discovery import Registry, discover
 
 FOLDS = 8
 # Kind and keys of each contender.
@@ -34,24 +32,23 @@ MAIN = "regression"
 
 def contest(grid: str, kinds: list[str] | None) -> None:
     """All contenders on one grid."""
-    registry = discover()
     solved, test = table(f"{grid}_grid"), table(f"{grid}_test")
     print(f"{grid}: {len(solved)} designs of {', '.join(solved.names)}; {len(test)} between them")
     results: dict[str, Any] = {}
     for name, keys in CONTENDERS.items():
-        if keys["kind"] not in registry.kinds("meta_model") or (kinds and name not in kinds):
+        if keys["kind"] not in registry().kinds("meta_model") or (kinds and name not in kinds):
             continue
-        results[name] = _contender(registry, name, keys, solved, test)
+        results[name] = _contender(name, keys, solved, test)
     bars = _bars(grid, results[MAIN]) if "scores" in results.get(MAIN, {}) else []
     write(f"designs_{grid}", {"contenders": results, "folds": FOLDS}, bars)
 
 
-def _contender(registry: Registry, name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[str, Any]:
-    component = registry.get("meta_model", keys["kind"])
+def _contender(name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[str, Any]:
+    component = registry().get("meta_model", keys["kind"])
     if component.missing():
         print(f"  {name:30} skipped: {component.missing()}")
         return {"skipped": component.missing()}
-    model = registry.build("meta_model", component.config_model().model_validate(keys))
+    model = registry().build("meta_model", component.config_model().model_validate(keys))
     started = time.perf_counter()
     try:
         fitted = model.fit(solved)
@@ -64,29 +61,19 @@ def _contender(registry: Registry, name: str, keys: dict[str, Any], solved: Any,
     groups["between the designs"] = scored(fitted.laws, test)
     groups["its own designs"] = scored(fitted.laws, solved)
     print(f"{name}: fitted in {wall_s:.1f} s")
+    rounds = seconds_of(lambda: [fitted.laws.law(values) for values in test.values], 10, time.perf_counter)
+    law_s = sum(rounds) / (10 * len(test))
     for place, scores in groups.items():
         print(line(place, scores))
-    return {"fit_s": wall_s, "law_s": _law_s(fitted.laws, test), "scores": as_json(groups)}
-
-
-def _law_s(laws: Any, test: Any) -> float:
-    """Time to make one law."""
-    started = time.perf_counter()
-    for _ in range(10):
-        for values in test.values:
-            laws.law(values)
-    return (time.perf_counter() - started) / (10 * len(test))
+    return {"fit_s": wall_s, "law_s": law_s, "scores": as_json(groups)}
 
 
 def _bars(grid: str, result: dict[str, Any]) -> list[Bar]:
     scores = result["scores"]
     everywhere, inside = scores["left out, all"], scores["left out, interior"]
     bars = [Bar(f"{grid}: torque R² on designs left out", everywhere["r2"], 0.999, "", False)]
-    bars += [
-        Bar(f"{grid}: torque R² on designs left out, {axis}", one["r2"], 0.999, "", False)
-        for axis, one in everywhere["axes"].items()
-        if len(everywhere["axes"]) > 1
-    ]
+    for axis, one in everywhere["axes"].items() if len(everywhere["axes"]) > 1 else ():
+        bars.append(Bar(f"{grid}: torque R² on designs left out, {axis}", one["r2"], 0.999, "", False))
     if grid == "bending":
         worst = 100 * inside["worst_of_range"]
         bars.append(Bar("bending: worst torque inside the range", worst, 2.0, "% of range", True))

@@ -22,14 +22,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from benchmarks.output import REFERENCE, Bar, reference_table, write
+from benchmarks.output import REFERENCE, Bar, component, reference_table, write
 from numpy.typing import NDArray
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.surrogate import Surrogate
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
-from pliant.registry.discovery import discover
 
 HELICAL, TENDON = "helical_y_fem_R5.66_l4.72.csv", "tendon_joint_fem.csv"
 KINDS = ("polynomial", "neural", "table")
@@ -54,26 +53,14 @@ class Score:
 def published(name: str) -> FemDataset:
     """A reference table as data of one axis."""
     rows = reference_table(name)
-    assert rows is not None
     actuation = "pressure_pa" if "pressure_pa" in rows else "tendon_force_n"
     angle = 2 * rows["half_angle_rad"] if "half_angle_rad" in rows else rows["joint_angle_rad"]
     moment = rows["moment_n_m"]
     n = len(moment)
     missing = np.full(n, np.nan)
-    return FemDataset(
-        Design("table", {}),
-        "y",
-        actuation,
-        rows[actuation],
-        angle,
-        moment,
-        missing,
-        missing,
-        missing,
-        np.where(moment == 0, "free", "constrained"),
-        np.full(n, "ok"),
-        np.full(n, "fit"),
-    )
+    branch, status, role = np.where(moment == 0, "free", "constrained"), np.full(n, "ok"), np.full(n, "fit")
+    states = (rows[actuation], angle, moment, missing, missing, missing, branch, status, role)
+    return FemDataset(Design("table", {}), "y", actuation, *states)
 
 
 def fifth(data: FemDataset) -> Iterator[Mask]:
@@ -106,9 +93,8 @@ def score(surrogate: Surrogate, data: FemDataset, left_out: Iterator[Mask]) -> S
         half = law.band(check.actuation, u, LEVEL)
         if half is not None:
             inside.append(np.abs(missed) <= half[:, 0])
-        p, v = np.meshgrid(
-            np.linspace(*law.domain.actuation, 61), np.linspace(*law.domain.deformation[0], 61)
-        )
+        ends = (law.domain.actuation, law.domain.deformation[0])
+        p, v = np.meshgrid(*(np.linspace(*one, 61) for one in ends))
         stable &= bool(law.evaluate(p.ravel(), v.reshape(-1, 1)).dtau_du.max() < 0)
     all_misses = 100 * np.concatenate(misses) / np.ptp(data.moment_n_m)
     return Score(
@@ -134,11 +120,9 @@ def cases() -> dict[str, FemDataset]:
 
 
 def main() -> None:
-    """Print and write the table, and the bars of the best kind."""
     if not (REFERENCE / HELICAL).is_file():
         print(f"{REFERENCE} is absent: nothing to do")
         return
-    registry = discover()
     results: dict[str, Any] = {}
     bars = []
     print(
@@ -149,9 +133,7 @@ def main() -> None:
             found: dict[str, Score] = {}
             for kind in KINDS:
                 try:
-                    component = registry.get("surrogate", kind)
-                    surrogate = component.build(component.config_model()(kind=kind))
-                    found[kind] = score(surrogate, data, way(data))
+                    found[kind] = score(component("surrogate", kind), data, way(data))
                 except MissingDependencyError as error:
                     print(f"{name:<44}{label:<8}{kind:<12}{error}")
                     continue
@@ -162,10 +144,8 @@ def main() -> None:
                     f"{'yes' if s.stable else 'NO':>8}{s.wall_s:>7.1f} s",
                     flush=True,
                 )
-            results.setdefault(name, {})[label] = {
-                "n_rows": len(data),
-                **{kind: vars(s) for kind, s in found.items()},
-            }
+            scores = {kind: vars(s) for kind, s in found.items()}
+            results.setdefault(name, {})[label] = {"n_rows": len(data), **scores}
             best = min(found, key=lambda kind: found[kind].worst)
             what = f"{name}, {label} left out, worst of the range ({best})"
             bars.append(Bar(what, found[best].worst, WORST, "%", at_most=True))

@@ -69,14 +69,7 @@ def by_gain(
             return curve
         left = np.setdiff1d(np.arange(len(designs)), chosen)
         gain = laws.gain(designs.values[left], over)
-        assert gain is not None
         chosen.append(int(left[np.argmax(gain)]))
-
-
-def at_random(designs: SolvedDesigns, test: SolvedDesigns, counts: list[int], seed: int) -> list[float]:
-    """Errors with the first so many of a random order."""
-    order = [int(i) for i in np.random.default_rng(seed).permutation(len(designs))]
-    return [error(fitted(designs, order[:count]), test) for count in counts]
 
 
 def _range(designs: SolvedDesigns) -> Array:
@@ -96,9 +89,9 @@ def study(grid: str, seeds: int, counts: list[int]) -> None:
     print(f"{grid}: full grid of {len(solved)} designs, {100 * full:.4f} % of range on {len(test)} others")
     start = spread(solved, len(solved.names) + 2)
     curve = by_gain(solved, test, start, max(counts))
-    needed = {factor: _needed(curve, factor * full) for factor in FACTORS}
     evenly = {count: error(fitted(solved, spread(solved, count)), test) for count in counts}
-    random = np.array([at_random(solved, test, counts, seed) for seed in range(seeds)])
+    orders = [np.random.default_rng(seed).permutation(len(solved)).tolist() for seed in range(seeds)]
+    random = np.array([[error(fitted(solved, order[:n]), test) for n in counts] for order in orders])
     for count, column in zip(counts, random.T, strict=True):
         chosen = dict(curve)[count]
         low, middle, high = (100 * np.quantile(column, q) for q in (0.1, 0.5, 0.9))
@@ -107,15 +100,11 @@ def study(grid: str, seeds: int, counts: list[int]) -> None:
             f"spread {100 * evenly[count]:.4f} %, random {middle:.4f} % ({low:.4f}–{high:.4f})"
         )
     bars = []
-    for factor, count in needed.items():
-        share = count / len(solved)
-        print(
-            f"  error of the full grid × {factor}: {count if np.isfinite(count) else 'not reached'} designs"
-        )
-        bars.append(
-            Bar(f"{grid}: designs by gain for the full grid's error × {factor}", share, 0.5, "of them", True)
-        )
-        print(bars[-1])
+    for factor in FACTORS:
+        below = [float(count) for count, found in curve if found <= factor * full]
+        print(f"  error of the full grid × {factor}: {min(below, default='not reached')} designs")
+        what = f"{grid}: designs by gain for the full grid's error × {factor}"
+        bars.append(Bar(what, min(below, default=np.inf) / len(solved), 0.5, "of them", True))
     results: dict[str, Any] = {
         "full": {"designs": len(solved), "error": full},
         "gain": curve,
@@ -123,12 +112,6 @@ def study(grid: str, seeds: int, counts: list[int]) -> None:
         "random": {"counts": counts, "errors": random.tolist()},
     }
     write(f"gain_{grid}", results, bars)
-
-
-def _needed(curve: list[tuple[int, float]], wanted: float) -> float:
-    """The fewest designs from which on the error stays at or below what is wanted."""
-    below = [count for count, found in curve if found <= wanted]
-    return float(min(below)) if below else float("inf")
 
 
 def main() -> None:

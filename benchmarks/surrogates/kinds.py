@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import ROOT
+from benchmarks.output import ROOT, component
 
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
@@ -22,15 +22,11 @@ from pliant.pipeline.meta_model.cross_validation import (
     scores_of,
 )
 from pliant.pipeline.meta_model.designs import from_table
-from pliant.records.fem import ModuleData
 from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
-from pliant.registry.discovery import Registry, discover
-from pliant.tabular.fem_reading import read_designs_table, read_module_table
 
-BENDING_GRID = ROOT / "examples/designs/bending_grid.csv"
-HELICAL_GRID = ROOT / "examples/designs/helical_grid.csv"
-BENDING_REFERENCE = ROOT / "examples/data/bellow_bending.csv"
+TABLES = ROOT / "examples/designs"
+FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical"}
 # What laws of one axis are compared: name → kind and config.
 FORMS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "polynomial, adaptive": ("polynomial", {}),
@@ -41,35 +37,13 @@ FORMS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 
 
-def surrogate(name: str, registry: Registry | None = None) -> Surrogate | None:
+def surrogate(name: str) -> Surrogate | None:
     """The surrogate of one of `FORMS`; None where its kind is not installed."""
     kind, config = FORMS[name]
-    known = registry or discover()
     try:
-        component = known.get("surrogate", kind)
-        built: Surrogate = component.build(component.config_model().model_validate({"kind": kind, **config}))
+        return component("surrogate", kind, **config)
     except UserError:
         return None
-    return built
-
-
-def bending_designs() -> list[ModuleData]:
-    """The grid of bending designs."""
-    return read_designs_table(BENDING_GRID)
-
-
-def helical_designs() -> list[ModuleData]:
-    """The grid of helical designs, three axes."""
-    return read_designs_table(HELICAL_GRID)
-
-
-def bending_reference() -> ModuleData:
-    """The reference bending design."""
-    return read_module_table(BENDING_REFERENCE)
-
-
-TABLES = Path(__file__).resolve().parents[2] / "examples/designs"
-FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical"}
 
 
 class Fitted(MetaModel):

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import Bar, parser_of, write
-from benchmarks.surrogates.kinds import FORMS, bending_designs, bending_reference, surrogate
+from benchmarks.surrogates.kinds import FORMS, TABLES, surrogate
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
+from pliant.tabular.fem_reading import read_designs_table, read_module_table
 from pliant_plugins.surrogates.polynomial.states import split
 
 LEVELS = (0.5, 0.9, 0.99)
@@ -29,11 +30,11 @@ PUBLISHED = 0.0826
 
 
 def main() -> None:
-    """Fit all kinds to the reference design and to the grid, print a table, write the figures."""
     parser = parser_of(__doc__)
     parser.add_argument("--kinds", nargs="+", default=sorted({kind for kind, _ in FORMS.values()}))
     wanted = parser.parse_args().kinds
-    reference, grid = bending_reference(), bending_designs()
+    reference = read_module_table(TABLES.parent / "data/bellow_bending.csv")
+    grid = read_designs_table(TABLES / "bending_grid.csv")
     print(f"worst error of the torque range on states left out; published {100 * PUBLISHED:.3g} %")
     results: dict[str, Any] = {"published_worst_of_range": PUBLISHED, "designs": len(grid)}
     for name, (kind, _) in FORMS.items():
@@ -53,12 +54,9 @@ def of_kind(built: Surrogate, reference: ModuleData, grid: Sequence[ModuleData])
     """Figures of one surrogate."""
     rows = [scored(built, design) for design in grid]
     fitted = [row for row in rows if "problem" not in row]
-    found: dict[str, Any] = {
-        "reference": scored(built, reference),
-        "grid": rows,
-        "fitted": len(fitted),
-        "problems": [row["problem"] for row in rows if "problem" in row],
-    }
+    problems = [row["problem"] for row in rows if "problem" in row]
+    found: dict[str, Any] = {"reference": scored(built, reference), "grid": rows}
+    found |= {"fitted": len(fitted), "problems": problems}
     if fitted:
         for name in ("worst_of_range", "rmse_of_range"):
             values = [row[name] for row in fitted]
@@ -77,17 +75,12 @@ def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
         return {"problem": str(error)}
     report = fitted.report
     states = split(design.axis(design.main_axis))
-    row: dict[str, Any] = {
-        "worst_of_range": report.worst_of_range,
-        "rmse_of_range": report.rmse / report.effort_range,
-        "r2": report.r2,
-        "n_fitted": report.n_fitted,
-        "n_heldout": report.n_heldout,
-    }
-    inside = inside_bands(fitted.law, states.check.actuation, states.check.angle_rad, states.check.moment_n_m)
+    row = {name: getattr(report, name) for name in ("worst_of_range", "r2", "n_fitted", "n_heldout")}
+    row["rmse_of_range"] = report.rmse / report.effort_range
+    p, u = states.check.actuation, states.check.angle_rad
+    inside = inside_bands(fitted.law, p, u, states.check.moment_n_m)
     if inside is not None:
-        width = fitted.law.band(states.check.actuation, states.check.angle_rad[:, None], 0.9)
-        assert width is not None
+        width = fitted.law.band(p, u[:, None], 0.9)
         row |= {"inside": inside, "half_width_of_range": float(width.mean()) / float(states.ranges[0])}
     return row
 
@@ -114,14 +107,9 @@ def shares(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def told(found: dict[str, Any]) -> str:
     """The lines of one surrogate."""
-    lines = []
-    reference = found["reference"]
-    if "problem" in reference:
-        lines.append(f"  reference design: {reference['problem']}")
-    else:
-        lines.append(
-            f"  reference design: worst {100 * reference['worst_of_range']:.3g} %, R² {reference['r2']:.8f}"
-        )
+    one = found["reference"]
+    reached = one.get("problem") or f"worst {100 * one['worst_of_range']:.3g} %, R² {one['r2']:.8f}"
+    lines = [f"  reference design: {reached}"]
     if found["fitted"]:
         worst = found["worst_of_range"]
         lines.append(
@@ -132,9 +120,9 @@ def told(found: dict[str, Any]) -> str:
         lines.append(f"  {len(found['problems'])} designs not fitted: {found['problems'][0]}")
     for half in ("chosen_on", "judged_on"):
         if found[half]:
+            covered = found[half]["covered"].items()
             cells = ", ".join(
-                f"{100 * float(level):g} % band {100 * share:.3g} %"
-                for level, share in found[half]["covered"].items()
+                f"{100 * float(level):g} % band {100 * share:.3g} %" for level, share in covered
             )
             lines.append(f"  {half.replace('_', ' ')} {found[half]['states']} states: {cells}")
     return "\n".join(lines)

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import Bar, ratio, seconds_of, write
-from benchmarks.surrogates.kinds import bending_designs, helical_designs, surrogate
+from benchmarks.surrogates.kinds import TABLES, surrogate
 
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
+from pliant.tabular.fem_reading import read_designs_table
 from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
@@ -34,8 +35,7 @@ Evaluate = Callable[[Array, Array], Effort]
 
 
 def main() -> None:
-    """Time all laws inside their box and around it."""
-    design = bending_designs()[DESIGN]
+    design = read_designs_table(TABLES / "bending_grid.csv")[DESIGN]
     results: dict[str, Any] = {"points": POINTS, "design": dict(design.design.parameters)}
     bars = []
     for name in LAWS:
@@ -48,11 +48,8 @@ def main() -> None:
         if name in BARS:
             label = f"{name}: evaluations with slopes, one core"
             bars.append(Bar(label, results[name]["inside"]["million_per_s"], BARS[name], "million/s", False))
-    built = surrogate("polynomial, adaptive")
-    assert built is not None
-    results["polynomial, three axes"] = timed(
-        "polynomial, three axes", built.fit_module(helical_designs()[0]).law
-    )
+    name, helical = "polynomial, three axes", read_designs_table(TABLES / "helical_grid.csv")[0]
+    results[name] = timed(name, surrogate("polynomial, adaptive").fit_module(helical).law)
     write("surrogate_speed", results, bars)
 
 

@@ -87,10 +87,8 @@ def misses(
     solution, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-9)
     if rank < len(terms):
         return None
-    tau = (
-        -system.basis(terms).derivative(states.actuation[check], states.angle_rad[check, None], (0, 1))
-        @ solution
-    )
+    basis = system.basis(terms)
+    tau = -basis.derivative(states.actuation[check], states.angle_rad[check, None], (0, 1)) @ solution
     error = (tau - states.tau[check]) / np.ptp(states.tau)
     left = system.solve(terms)
     left_out = np.inf if left is None else float(np.sqrt(np.mean((left.misses / np.ptp(states.tau)) ** 2)))

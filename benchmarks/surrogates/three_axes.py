@@ -74,7 +74,7 @@ def compare(name: str, data: ModuleData) -> dict[str, object]:
     details = fitted.report.details
     together = details["form"] == "energy"
     several = details["left_out_several_of_range"] if together else several_held(fitted.law, data)
-    result: dict[str, object] = {
+    result: dict[str, Any] = {
         "form": details["form"],
         "chosen": by_axis(fitted.law, data),
         "uncoupled": by_axis(single, data) if single else {},
@@ -89,7 +89,7 @@ def compare(name: str, data: ModuleData) -> dict[str, object]:
     }
     cells = [
         " ".join(f"{axis} {r2:.6f} {worst:.1e}" for axis, (r2, worst) in scores.items())
-        for scores in (by_axis(fitted.law, data), by_axis(single, data) if single else {})
+        for scores in (result["chosen"], result["uncoupled"])
     ]
     print(
         f"{name:>14} {'coupled' if together else 'apart':>7}  {cells[0]}  |  {cells[1]}  |  several held {several:.1e} "
@@ -138,12 +138,8 @@ def summary(what: str, results: Mapping[str, Any]) -> dict[str, Any]:
         lowest = {name: min(r2 for r2, _ in scores.values()) for name, scores in known.items()}
         worst = {name: max(miss for _, miss in scores.values()) for name, scores in known.items()}
         met = sum(r2 > 0.9999 for r2 in lowest.values())
-        found[kind] = {
-            "met": met,
-            "of": len(lowest),
-            "lowest": min(lowest.values()),
-            "worst": max(worst.values()),
-        }
+        extremes = {"lowest": min(lowest.values()), "worst": max(worst.values())}
+        found[kind] = {"met": met, "of": len(lowest), **extremes}
         print(
             f"{what}, {kind}: every axis above R² 0.9999 in {met} of {len(lowest)} designs; lowest "
             f"{min(lowest.values()):.6f}, worst {max(worst.values()):.1e} of the range"
@@ -155,14 +151,8 @@ def summary(what: str, results: Mapping[str, Any]) -> dict[str, Any]:
     print(
         f"{what}: apart in {apart}, unstable in {unstable}; {share:.3f} of {n} in the band; slowest {slowest:.2f} M/s"
     )
-    return {
-        **found,
-        "apart": apart,
-        "unstable": unstable,
-        "covered": share,
-        "n": n,
-        "slowest_million_per_s": slowest,
-    }
+    found |= {"apart": apart, "unstable": unstable, "covered": share, "n": n}
+    return {**found, "slowest_million_per_s": slowest}
 
 
 def tendon(path: Path) -> tuple[float, float]:
@@ -198,7 +188,7 @@ def main() -> None:
     tendons = [tendon(ROOT / "examples/data/tendon_joint.csv")]
     if TENDON.exists():
         tendons.append(tendon(TENDON))
-    study = min(r2 for r2, _ in results["study's"]["chosen"].values())  # type: ignore[attr-defined]
+    study = min(r2 for r2, _ in results["study's"]["chosen"].values())
     bars = [
         Bar("R² of the study's helical module, lowest axis", study, 0.9999, "", False),
         Bar("R² of all helical designs, lowest axis", totals["grid"]["chosen"]["lowest"], 0.9999, "", False),

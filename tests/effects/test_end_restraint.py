@@ -75,7 +75,7 @@ def test_the_loop_finds_the_ends_and_predicts_bodies_and_forces_it_has_not_seen(
     effects = found.steps[-1].effects
     for modules, name in ((6, "six"), (6, "six_unseen"), (3, "three")):
         before, after = (run.errors(run.STUDY, modules, name, tmp_path, e) for e in ((), effects))
-        fall = np.sqrt(np.mean(before.tip_m**2) / np.mean(after.tip_m**2))
+        fall = np.sqrt(np.mean(before[0] ** 2) / np.mean(after[0] ** 2))
         assert fall >= 3.0, f"{name}: {fall:.1f}"
 
 

@@ -19,12 +19,11 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.evidence import seal
-from benchmarks.evidence.bench import Bench, Job, append, read
-from benchmarks.evidence.counting import reliability, summary, wilson
-from benchmarks.evidence.judge import judge
+from benchmarks.evidence.judge import judge, reliability, summary, wilson
 from benchmarks.evidence.oracle import best, choice, mean_squares
 from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
+from benchmarks.evidence.run_bench import Bench, Job, append, read
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
@@ -68,9 +67,8 @@ def test_the_judges_key_is_made_once_and_for_its_owner(tmp_path: Path) -> None:
     key = seal.judge_key(path)
     assert seal.judge_key(path) == key and len(key) == seal.KEY_BYTES
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert (
-        seal.passphrase_key("  Two words") == seal.passphrase_key("two  words") != seal.passphrase_key("two")
-    )
+    one, again, other = map(seal.passphrase_key, ("  Two words", "two  words", "two"))
+    assert one == again != other
 
 
 def test_no_code_under_test_knows_of_seals_or_of_the_bench() -> None:
@@ -108,12 +106,8 @@ def label_of(kind: str) -> dict[str, Any]:
 
 
 def answer(verdict: str, *selected: str, credible: Any = ()) -> dict[str, Any]:
-    result = {
-        "verdict": verdict,
-        "selected": list(selected),
-        "credible_set": [{"kinds": k} for k in credible],
-    }
-    return {"result": result, "wall_s": 1.0}
+    sets = [{"kinds": kinds} for kinds in credible]
+    return {"result": {"verdict": verdict, "selected": list(selected), "credible_set": sets}, "wall_s": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -235,9 +229,8 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     other = Plan(split="calibration").tasks()
     assert {task.spec.engine for task in other} == {"functional"}  # thresholds see one engine of three
     small = small_plan().tasks()
-    assert {task.group for task in small} >= {"effect", "clean", "unknown", "poor", "plan"} and len(
-        small
-    ) < 30
+    assert {task.group for task in small} >= {"effect", "clean", "unknown", "poor", "plan"}
+    assert len(small) < 30
     assert expected_time(small_plan()).splitlines()[-1].split()[1] == str(len(small))
 
 
@@ -299,11 +292,8 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     page.write_text(f"# Title\n\nwords stay\n\n{marks}")
     publish(data, page, tmp_path)
     text = page.read_text()
-    assert (
-        "words stay" in text
-        and "STALE" not in text
-        and "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
-    )
+    assert "words stay" in text and "STALE" not in text
+    assert "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
     assert all((tmp_path / f"bench_{name}.png").exists() for name in ("confusion", "reliability", "strength"))
     publish(data, page, tmp_path)
     assert page.read_text() == text

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from benchmarks.evidence import mujoco_truth, noise
+from benchmarks.evidence import mujoco_truth
 from benchmarks.evidence.forms import Forms, arriving
 from benchmarks.evidence.protocols import LOAD_N_M, NAMES, Run, protocol, steps, triangles
 from benchmarks.evidence.robots import (
@@ -27,10 +27,12 @@ from benchmarks.evidence.robots import (
 from benchmarks.evidence.sets import (
     ENGINES,
     SIGMA_OF_RANGE,
+    SPECTRA,
     MeasuredSet,
     SetSpec,
     follow,
     make_set,
+    noise_of,
     noise_sizes,
     signal,
 )
@@ -96,10 +98,8 @@ def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float
 def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
     robot = ROBOTS[name]
     runs = protocol("rich", robot)
-    found = {
-        engine: follow(engine, robot, runs, Truth(), np.zeros(len(runs)))
-        for engine in (ALL if name == "joint" else BOTH)
-    }
+    engines = ALL if name == "joint" else BOTH
+    found = {engine: follow(engine, robot, runs, Truth(), np.zeros(len(runs))) for engine in engines}
     sigma = noise_sizes(found["functional"])
     for engine in found:
         assert signal(found["functional"], found[engine], sigma) < 0.1, engine
@@ -107,20 +107,17 @@ def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
 
 @cache
 def made(kind: str, engine: str, snr: float | None = 2.0, robot: str = "") -> MeasuredSet:
-    return make_set(SetSpec(kind, 3, engine, robot or robots_of(kind)[0], snr=snr))  # type: ignore[arg-type]
+    return make_set(SetSpec(kind, 3, engine, robot or robots_of(kind)[0], snr=snr))
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *UNKNOWN])
-def test_every_effect_reaches_the_strength_that_was_asked_for(kind: str) -> None:
-    snr = 0.8 if kind == "inertia" else 2.0
-    found = made(kind, "functional", snr)
+CASES = [(kind, "functional", 0.8 if kind == "inertia" else 2.0) for kind in (*KINDS, *UNKNOWN)]
+
+
+@pytest.mark.parametrize("kind, engine, snr", [*CASES, ("friction_hysteresis", "mujoco", 1.5)])
+def test_every_effect_reaches_the_strength_that_was_asked_for(kind: str, engine: str, snr: float) -> None:
+    found = made(kind, engine, snr)
     assert signal(found.clean, found.hidden, found.sigma) == pytest.approx(snr, rel=0.1)
     assert found.label["excited"] and found.label["snr_reached"] == pytest.approx(snr, rel=0.1)
-
-
-def test_strength_in_mujoco() -> None:
-    found = made("friction_hysteresis", "mujoco", 1.5)
-    assert signal(found.clean, found.hidden, found.sigma) == pytest.approx(1.5, rel=0.1)
 
 
 def test_strength_is_the_root_mean_square_over_all_readings() -> None:
@@ -189,13 +186,9 @@ def test_viscous_loops_grow_as_the_rate_to_its_power(engine: str, power: float) 
 @pytest.mark.parametrize("engine", BOTH)
 def test_mullins_softens_after_the_first_loading_only(engine: str) -> None:
     truth, n = Truth(Forms(mullins=0.3, mullins_scale=0.1)), 50
-    first, again, other = change(
-        engine,
-        truth,
-        run_of(triangles(20, [1.0] * 3)),
-        run_of(triangles(20, [1.0])),
-        run_of(triangles(20, [1.0]), specimen="B"),
-    )
+    once = triangles(20, [1.0])
+    runs = (run_of(triangles(20, [1.0] * 3)), run_of(once), run_of(once, specimen="B"))
+    first, again, other = change(engine, truth, *runs)
     assert np.abs(first[2 : n // 2]).max() < 0.1 * SIGMA_RAD  # the virgin loading
     assert first[n:].max() > 2 * SIGMA_RAD
     assert first[2 * n :] == pytest.approx(first[n : 2 * n], abs=1e-3)
@@ -266,11 +259,8 @@ def test_a_set_grows_as_the_square_of_the_largest_angle_and_stays() -> None:
 @pytest.mark.parametrize("engine", BOTH)
 def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
     loads = run_of(np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0))
-    for forms in (
-        Forms(gain=0.2),
-        Forms(dead_pa=1e3),
-        Forms(contact=0.5, contact_at=0.3, contact_quadratic=1.0),
-    ):
+    contact = Forms(contact=0.5, contact_at=0.3, contact_quadratic=1.0)
+    for forms in (Forms(gain=0.2), Forms(dead_pa=1e3), contact):
         assert np.abs(change(engine, Truth(forms), loads)[0]).max() < 1e-6
     for forms in (Forms(stiffness=0.2), Forms(offset_pa=500.0)):
         assert np.abs(change(engine, Truth(forms), loads)[0]).max() > SIGMA_RAD
@@ -279,11 +269,8 @@ def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
 @pytest.mark.parametrize("engine", BOTH)
 def test_heat_and_weight_show_in_their_own_runs_only(engine: str) -> None:
     pressure = triangles(20, [1.0])
-    runs = (
-        run_of(pressure),
-        run_of(pressure, temperature_c=52.0),
-        run_of(pressure, base_angles_rad=(0.0, np.pi / 2, 0.0)),
-    )
+    conditions = ({}, {"temperature_c": 52.0}, {"base_angles_rad": (0.0, np.pi / 2, 0.0)})
+    runs = [run_of(pressure, **one) for one in conditions]
     warm = change(engine, Truth(Forms(thermal=0.01)), *runs)
     assert np.abs(warm[0]).max() == 0 and warm[1].max() > 2 * SIGMA_RAD and np.abs(warm[2]).max() == 0
     heavy = change(engine, Truth(body=Body(fitting_kg=0.01)), *runs)
@@ -292,23 +279,22 @@ def test_heat_and_weight_show_in_their_own_runs_only(engine: str) -> None:
 
 def test_a_sensor_bias_is_nearly_constant() -> None:
     found = made("sensor_bias", "functional")
-    shift = np.concatenate(
-        [h["angle_rad"] - c["angle_rad"] for h, c in zip(found.hidden, found.clean, strict=True)]
-    )
+    pairs = zip(found.hidden, found.clean, strict=True)
+    shift = np.concatenate([h["angle_rad"] - c["angle_rad"] for h, c in pairs])
     assert np.std(shift) < 0.1 * abs(np.mean(shift))
 
 
 @pytest.mark.parametrize("split", ["judged", "calibration"])
 def test_noise_has_the_variance_and_the_correlation_that_it_states(split: str) -> None:
-    spectrum, n, dt = noise.SPECTRA[split], 2000, 0.4
-    runs = noise.draw(spectrum, [dt * np.arange(n)] * 60, np.random.default_rng(5))
+    spectrum, n, dt = SPECTRA[split], 2000, 0.4
+    rng = np.random.default_rng(5)
+    runs = [noise_of(spectrum, dt * np.arange(n), rng) for _ in range(60)]
     within = [run - run.mean() for run in runs]
     assert np.mean([np.var(run) for run in within]) == pytest.approx(1.0, rel=0.03)
     for lag in (1, 5, 10):
         expected = spectrum.coloured_share * np.exp(-lag * dt / spectrum.correlation_s)
-        assert np.mean([np.mean(run[lag:] * run[:-lag]) for run in within]) == pytest.approx(
-            expected, abs=0.02
-        )
+        correlation = np.mean([np.mean(run[lag:] * run[:-lag]) for run in within])
+        assert correlation == pytest.approx(expected, abs=0.02)
     assert np.std([run.mean() for run in runs]) == pytest.approx(spectrum.run_offset, rel=0.3)
 
 
@@ -319,9 +305,8 @@ def test_two_hidden_effects_are_scaled_one_by_one() -> None:
     bias = both.label["strengths"][0] * 0.015 * both.label["drawn"]["sensor_bias.sign"]
     joined = np.concatenate([run["angle_rad"] for run in both.hidden])
     other = np.concatenate([run["angle_rad"] for run in make_set(SetSpec(CLEAN, 3)).clean])
-    assert np.median(joined[other < 0.02]) == pytest.approx(
-        bias, abs=0.01
-    )  # unbent, the bias is what is read
+    # Unbent, the bias is what is read.
+    assert np.median(joined[other < 0.02]) == pytest.approx(bias, abs=0.01)
 
 
 def test_a_set_is_its_spec_and_reads_as_a_measurement(tmp_path: object) -> None:
@@ -340,7 +325,7 @@ def test_a_set_is_its_spec_and_reads_as_a_measurement(tmp_path: object) -> None:
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_the_study_given_away_is_a_study(name: str, tmp_path: object) -> None:
-    path = tmp_path / "study.yaml"  # type: ignore[operator]
+    path = tmp_path / "study.yaml"
     path.write_text(ROBOTS[name].study("under-test"))
     study = load_study(path, discover())
     assert study.chain.modules == ROBOTS[name].modules
@@ -348,13 +333,8 @@ def test_the_study_given_away_is_a_study(name: str, tmp_path: object) -> None:
 
 def test_protocols_are_what_their_table_says() -> None:
     runs = {name: protocol(name) for name in NAMES}
-    assert {name: len(found) for name, found in runs.items()} == {
-        "rich": 30,
-        "rich_noload": 26,
-        "rates": 9,
-        "poor": 5,
-        "example": 16,
-    }
+    counts = {"rich": 30, "rich_noload": 26, "rates": 9, "poor": 5, "example": 16}
+    assert {name: len(found) for name, found in runs.items()} == counts
     assert 4000 < sum(len(run) for run in runs["rich"]) < 4300
     rich = runs["rich"]
     conditions = [run.condition for run in rich]
@@ -366,6 +346,6 @@ def test_protocols_are_what_their_table_says() -> None:
 def test_calibration_sets_are_other_sets() -> None:
     judged, other = (
         make_set(SetSpec("friction_hysteresis", 0, split=split)) for split in ("judged", "calibration")
-    )  # type: ignore[arg-type]
+    )
     assert judged.csv != other.csv and judged.label["drawn"] != other.label["drawn"]
     assert make_set(SetSpec(CLEAN, 0, split="calibration")).label["right"] == ["nothing_missing"]
