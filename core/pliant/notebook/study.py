@@ -8,12 +8,13 @@ from typing import Any
 
 from pliant import api
 from pliant.config.study import Study
+from pliant.evidence.comparison import compare
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
 from pliant.notebook import frames
 from pliant.notebook.changes import as_overrides
 from pliant.notebook.result import Result
-from pliant.pipeline.study import DesignStages, StudyRun, laws_of_study, physics_of_study
+from pliant.pipeline.study import DesignStages, StudyRun, physics_of_study
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
@@ -120,7 +121,7 @@ class StudyHandle:
     @property
     def law(self) -> JointLaw:
         """The law of the study's first design, solved and fitted first where it must be."""
-        return laws_of_study(self.opened.bench, self.config)[0].law.law
+        return api.laws(self.opened)[0].law.law
 
     def fem(self) -> Result[Any]:
         """The FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`."""
@@ -131,22 +132,19 @@ class StudyHandle:
     def fit(self) -> Fitted:
         """The laws of the study's designs with their errors on states left out: `pliant fit`."""
         bench = self.opened.bench
-        stages = laws_of_study(bench, self.config)
+        stages = api.laws(self.opened)
         fitted = fitted_designs(bench, [s for s in stages if s.law.report is not None], learning=False)
         document = laws_document(self.name, stages, fitted, self.config.canonical())
         return Fitted(stages, document, plots.laws, frames.laws)
 
     def simulate(self) -> Simulated:
         """The chain under the study's task in its engine: `pliant simulate`."""
-        alone = self.config.model_copy(update={"cross_check": ()})
-        return self._simulated(api.OpenStudy(alone, self.opened.bench))
+        alone = self.with_(cross_check=[]) if self.config.cross_check else self
+        return alone.run()
 
     def run(self) -> Simulated:
         """All stages, `cross_check` engines too: `pliant run`."""
-        return self._simulated(self.opened)
-
-    def _simulated(self, opened: api.OpenStudy) -> Simulated:
-        done = api.simulate(opened)
+        done = api.simulate(self.opened)
         return Simulated(done, simulation_document(done), plots.backbones, frames.markers)
 
     def compare(self, data: Data = None) -> Result[Any]:
@@ -157,7 +155,7 @@ class StudyHandle:
             return Result(counts, counts_document(self.name, counted.counts, counts))
         model = api.predictor(self.opened, data)
         predicted = model.predict()
-        found = api.compared(model, predicted)
+        found = compare(model.measurement, predicted)
         document = comparison_document(self.name, model.measurement, predicted, found)
         return Result(
             found,
