@@ -77,7 +77,7 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
 
 
 @dataclass(frozen=True)
-class ConditionColumn:
+class TaskKeyColumn:
     """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
 
     column: str
@@ -116,7 +116,7 @@ class Layout:
     """Which column is what, by its place in the file."""
 
     places: dict[str, int] = field(default_factory=dict)
-    conditions: list[ConditionColumn] = field(default_factory=list)
+    conditions: list[TaskKeyColumn] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
@@ -185,16 +185,16 @@ def _condition(
     notes: MeasurementNotes,
     notes_name: str,
     task: type[TaskConfig],
-) -> ConditionColumn | None:
+) -> TaskKeyColumn | None:
     """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
     unit = notes.units.get(written, notes.units.get(name, ""))
     stated = notes.conditions.get(written, notes.conditions.get(name))
     if stated is not None:
         key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
-        return ConditionColumn(written, key, unit or key.unit, stated.values)
+        return TaskKeyColumn(written, key, unit or key.unit, stated.values)
     found = find_key(task, name, ENDINGS)
     if found is not None:
-        return ConditionColumn(written, found, unit or found.unit, {})
+        return TaskKeyColumn(written, found, unit or found.unit, {})
     known = [key.removeprefix("task.") for key in known_keys(task)]
     slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
     if MEASUREMENT.find(name.lower()) is None and ("." in name or slip):
