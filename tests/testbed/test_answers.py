@@ -8,8 +8,8 @@ from benchmarks.evidence.sets import SetSpec, make_set
 from pliant import api
 
 HANDFUL = [
-    SetSpec("none", 302, "mujoco"),
-    SetSpec("viscoelastic", 303, "mujoco"),
+    SetSpec("none", 302, "mujoco", protocol="rates"),
+    SetSpec("viscoelastic", 303, "mujoco", protocol="rates"),
     SetSpec("dead_zone", 307, "functional", robot="chain"),
     SetSpec("wall_buckling", 308, "functional"),
     SetSpec("run_slip", 309, "functional"),
