@@ -212,7 +212,7 @@ class Fitter:
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
         key = (candidate.kinds, repr(candidate.configs(x)), x.tobytes(), held)
-        point = self._seen.pop(key, None) or _Misfit(self, candidate).point(x)
+        point = self._seen.pop(key, None) or _ReadingMisfit(self, candidate).point(x)
         self._seen[key] = point
         while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
             self._seen.pop(next(iter(self._seen)))
@@ -223,7 +223,7 @@ class Fitter:
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        misfit, steps = _Misfit(self, candidate), replace(STEPS, most=iterations)
+        misfit, steps = _ReadingMisfit(self, candidate), replace(STEPS, most=iterations)
         found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
         return cast(_LinearPoint, found), converged
 
@@ -240,7 +240,7 @@ class _LinearPoint(Point):
 
 
 @dataclass(frozen=True, eq=False)
-class _Misfit:
+class _ReadingMisfit:
     """Readings less the predictions of a candidate, with the engine's own derivatives."""
 
     fitter: Fitter

@@ -121,7 +121,7 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class _Row:
+class _CountRow:
     values: tuple[Any, ...]  # of the conditions, in the layout's order
     written: tuple[str, ...]
     one: CountSet
@@ -202,8 +202,8 @@ def _condition(
     return None
 
 
-def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
-    rows: list[_Row] = []
+def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
+    rows: list[_CountRow] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
         cells = [[cell.strip() for cell in column] for column in block.columns]
@@ -227,7 +227,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
                 known[written] = _values(written, layout, task, line, sheet.problems)
             values = known[written]
             if one is not None and values is not None:
-                rows.append(_Row(values, written, one))
+                rows.append(_CountRow(values, written, one))
         if len(rows) > MOST_ROWS:
             raise UserError(
                 f"{sheet.path}: more than {MOST_ROWS} rows of counts; add up the trials of each set."
@@ -277,9 +277,9 @@ def _values(
     return tuple(changes.values())
 
 
-def _conditions(rows: Sequence[_Row], layout: Layout) -> tuple[CountCondition, ...]:
+def _conditions(rows: Sequence[_CountRow], layout: Layout) -> tuple[CountCondition, ...]:
     """Rows of one condition together, in the order of their first rows; what never varies goes unsaid."""
-    together: dict[str, list[_Row]] = {}
+    together: dict[str, list[_CountRow]] = {}
     for row in rows:
         together.setdefault(repr(row.values), []).append(row)
     varying = [
