@@ -125,7 +125,7 @@ def test_slip_between_repeats_comes_first() -> None:
 
 
 def test_without_repeats_a_clean_model_cannot_be_called_complete() -> None:
-    assert judged(measured(CHAIN, rich(1), seed=4), kinds=FEW).verdict == "insufficient_data"
+    assert judged(measured(CHAIN, rich(1), seed=4)).verdict == "insufficient_data"
     assert judged(measured(CHAIN, rich(1), STIFF, seed=4), kinds=FEW).selected == ("stiffness",)
 
 
