@@ -54,6 +54,16 @@ STUDY_INTRODUCTION = [
     "the block. On the command line, `key=value` overrides follow the file: `physics.kind=mujoco`,",
     "`chain.modules=6`, `effects.0.factor=1.2`. `pliant schema` prints a JSON schema for editors.",
 ]
+WRITTEN_BY_HAND = [
+    "- [Command line, results, tables](../command_line.md): options, exit codes, JSON keys, CSV columns.",
+    "- [Conventions](../conventions.md): frames, signs, units, with a figure.",
+    "- [Formats that others rely on](../formats.md): JSON keys that stay, where each other format is described.",
+]
+GENERATED = [
+    "- [Study file](study.md): every key of a study.",
+    "- [Effect catalogue](effects.md): what a model may lack, what gives it away, the run that shows it.",
+    "- [Python](../python.md): the commands as functions, records, what plugins may rely on.",
+]
 INTERFACE_CLASS = {
     "family": "ActuatorFamily",
     "material": "Material",
@@ -94,9 +104,7 @@ def _ours(registry: Registry, interface: str) -> list[Component]:
 
 
 def _index(registry: Registry) -> str:
-    lines = ["# Reference", "", "Generated from the code by `make docs`.", ""]
-    lines.append("- [Study file](study.md): every key of a study")
-    lines.append("- [Effect catalogue](effects.md): what a model may lack, and what gives it away")
+    lines = ["# Reference", "", *WRITTEN_BY_HAND, "", "## Generated from the code", "", *GENERATED]
     for interface in INTERFACES:
         kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
         lines.append(
