@@ -28,7 +28,13 @@ def box(ax: Axes, name: str) -> None:
     (x, y), text, color = BOXES[name]
     ax.add_patch(
         FancyBboxPatch(
-            (x - WIDTH / 2, y - HEIGHT / 2), WIDTH, HEIGHT, boxstyle="round,pad=0.08", fc="white", ec=color, lw=2
+            (x - WIDTH / 2, y - HEIGHT / 2),
+            WIDTH,
+            HEIGHT,
+            boxstyle="round,pad=0.08",
+            fc="white",
+            ec=color,
+            lw=2,
         )
     )
     command = color != GREY
@@ -39,15 +45,28 @@ def box(ax: Axes, name: str) -> None:
 
 
 def arrow(
-    ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str, at: tuple[float, float], bend: float = 0.0
+    ax: Axes,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    text: str,
+    at: tuple[float, float],
+    bend: float = 0.0,
 ) -> None:
     """An arrow with the answer that takes one along it."""
     ax.add_patch(
         FancyArrowPatch(
-            start, end, arrowstyle="-|>", mutation_scale=16, lw=1.6, color=DARK, connectionstyle=f"arc3,rad={bend}"
+            start,
+            end,
+            arrowstyle="-|>",
+            mutation_scale=16,
+            lw=1.6,
+            color=DARK,
+            connectionstyle=f"arc3,rad={bend}",
         )
     )
-    ax.text(*at, text, ha="center", va="center", fontsize=9, color=DARK, style="italic", backgroundcolor="white")
+    ax.text(
+        *at, text, ha="center", va="center", fontsize=9, color=DARK, style="italic", backgroundcolor="white"
+    )
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
 """Sphinx builds the documentation site from the pages in docs/ as they stand: `make docs`.
 
-The pages are plain Markdown with relative links, so that they read the same in the repository. What the site adds is made
-here: the navigation (navigation.py), the pictures of the gallery (gallery.py) and the Python reference (python_api.py).
-Nothing is fetched: scripts, fonts and the search index are files of the site.
+The pages are plain Markdown with relative links, so that they read the same in the repository. What the site adds is
+made here: the navigation (navigation.py), the pictures of the gallery (gallery.py) and the Python reference
+(python_api.py). Nothing is fetched: scripts, fonts and the search index are files of the site.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ exclude_patterns = [".*", "build", "core", "plugins", "tests", "benchmarks", "ru
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]  # generated pages may skip a level of headings
 default_role = "code"  # docstrings write `name`, as Markdown does
-nitpicky = False
+smartquotes = False
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {"Array": "Array"}  # an array of floats; shapes stand in the text
@@ -59,6 +59,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "Pliant"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
+html_extra_path = ["index.html"]  # leads from the root of the site to docs/index.html
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {

@@ -10,9 +10,10 @@ import posixpath
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 GALLERY = "docs/pictures/README"
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+\.png)\)")
@@ -60,7 +61,15 @@ def figure(picture: str, shown: Shown | None, made_by: str) -> list[str]:
     if shown is None:
         return [*lines, f":alt: {picture}", "", made_by, "```", ""]
     page = os.path.relpath(shown.page, posixpath.dirname(GALLERY)).replace(os.sep, "/")
-    lines += [f":alt: {shown.caption}", "", f"{shown.caption}. [{shown.title}]({page})", "", made_by, "```", ""]
+    lines += [
+        f":alt: {shown.caption}",
+        "",
+        f"{shown.caption}. [{shown.title}]({page})",
+        "",
+        made_by,
+        "```",
+        "",
+    ]
     return lines
 
 

@@ -1,7 +1,7 @@
 """The navigation, from the lists of links that pages already have.
 
-A page of `LISTING` is the parent of the pages that head its list items: docs/index.md lists the sections, a section its pages,
-a reference page of an interface its kinds. What a reader of the repository follows is so the tree of the site.
+A page of `LISTING` is the parent of the pages that head its list items: docs/index.md lists the sections, a section its
+pages, a reference page of an interface its kinds. What a reader of the repository follows is the site's tree.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ from __future__ import annotations
 import posixpath
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 ROOT_PAGE = "docs/index"
 LISTING = re.compile(r"docs/(index|start|bench|design|plugins|evidence|reference/(\w+/)?index)")
@@ -23,11 +24,11 @@ def groups(docname: str, text: str) -> list[tuple[str, list[str]]]:
     """The pages that a page lists, as Sphinx names them, with the heading that each group stands under."""
     folder = posixpath.dirname(docname)
     found = []
-    for part in re.split(r"^## ", text, flags=re.M):
+    for k, part in enumerate(re.split(r"^## ", text, flags=re.M)):
         pages = [posixpath.normpath(posixpath.join(folder, target)) for target in ITEM.findall(part)]
-        heading = "" if part is text or not found and part.startswith("# ") else part.partition("\n")[0]
-        found.append((heading, [page.removesuffix(".md") for page in pages]))
-    return [(heading, pages) for heading, pages in found if pages]
+        if pages:
+            found.append((part.partition("\n")[0] if k else "", [page.removesuffix(".md") for page in pages]))
+    return found
 
 
 def parents(root: Path, docname: str = ROOT_PAGE) -> dict[str, str]:
@@ -50,12 +51,11 @@ def parents(root: Path, docname: str = ROOT_PAGE) -> dict[str, str]:
 
 def add_toctrees(app: Sphinx, docname: str, source: list[str]) -> None:
     """Append what a page lists as hidden toctrees."""
-    if LISTING.fullmatch(docname):
-        source[0] += "".join(
-            "\n```{toctree}\n:hidden:\n" + (f":caption: {heading}\n" if heading else "") + "\n"
-            + "\n".join(f"/{page}" for page in pages) + "\n```\n"
-            for heading, pages in groups(docname, source[0])
-        )  # fmt: skip
+    if not LISTING.fullmatch(docname):
+        return
+    for heading, pages in groups(docname, source[0]):
+        options = [":hidden:", *([f":caption: {heading}"] if heading else [])]
+        source[0] += "\n".join(["", "```{toctree}", *options, "", *(f"/{page}" for page in pages), "```", ""])
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -12,18 +12,20 @@ import pkgutil
 import re
 from pathlib import Path
 from types import ModuleType
-from typing import Any
-
-from sphinx.application import Sphinx
+from typing import TYPE_CHECKING, Any
 
 import pliant
 from pliant.registry.component import INTERFACES
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parents[1]
 PAGES = DOCS / "python"  # not in the repository; made anew by every build
 FIRST = ("pliant", "pliant.api")
 # What stands in backticks, or a character that is none of reStructuredText's here.
 MARKUP = re.compile(r"(`+[^`]*`+)|([|*]|(?<=\w)_(?!\w))")
+SECTIONS = ("Args:", "Attributes:", "Returns:", "Raises:", "Yields:", "Example:", "Examples:", "Note:")
 HAVE_PAGES = {f"pliant.interfaces.{interface}" for interface in INTERFACES}
 
 
@@ -31,7 +33,11 @@ def public_modules() -> list[str]:
     """Names of the modules in the contract's table "What is public", `*` written out."""
     text = (DOCS / "plugin_contract.md").read_text(encoding="utf-8")
     table = text.partition("## What is public")[2].partition("\n## ")[0]
-    rows = [re.findall(r"`(pliant[\w.]*(?:\.\*)?)`", line.split("|")[1]) for line in table.splitlines() if "|" in line]
+    rows = [
+        re.findall(r"`(pliant[\w.]*(?:\.\*)?)`", line.split("|")[1])
+        for line in table.splitlines()
+        if "|" in line
+    ]
     found = list(FIRST)
     for name in (name for row in rows for name in row):
         package = importlib.import_module(name.removesuffix(".*"))
@@ -88,23 +94,42 @@ def summary(name: str) -> str:
     return (inspect.getdoc(importlib.import_module(name)) or "").partition("\n")[0].replace("|", "\\|")
 
 
-def escape(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """Take what reStructuredText would read as markup out of a docstring: |u|, a * b, names_ (not inside backticks)."""
-    for k, line in enumerate(lines):
-        lines[k] = MARKUP.sub(lambda found: found[1] or f"\\{found[2]}", line)
+def from_markdown(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """A docstring, written as Markdown with Google's sections, in reStructuredText.
+
+    Characters that would be markup there (|u|, a * b, names_) are escaped, and an indented block is one of code or of
+    formulas, as in Markdown.
+    """
+    made: list[str] = []
+    literal = section = False
+    for line in lines:
+        if line.strip():
+            indented = line.startswith("    ")
+            if not indented:
+                literal, section = False, line in SECTIONS
+            elif not section and not literal and not (made and made[-1].strip()):
+                literal = True
+                made += ["::", ""]
+        made.append(line if literal else escaped(line))
+    lines[:] = made
+
+
+def escaped(line: str) -> str:
+    """A line with the characters escaped that reStructuredText would read as markup, but for those in backticks."""
+    return MARKUP.sub(lambda found: found[1] or f"\\{found[2]}", line)
 
 
 def escape_types(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
     """The same for the types that napoleon adds from annotations."""
-    for k, line in enumerate(lines):
-        if line.startswith(":vartype"):
-            lines[k] = MARKUP.sub(lambda found: found[1] or f"\\{found[2]}", line)
+    lines[:] = [escaped(line) if line.startswith(":vartype") else line for line in lines]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", write_pages)
     app.connect("source-read", list_pages)
-    app.connect("autodoc-process-docstring", escape, priority=400)  # before napoleon makes markup of its own
+    app.connect(
+        "autodoc-process-docstring", from_markdown, priority=400
+    )  # before napoleon makes markup of its own
     app.connect("autodoc-process-docstring", escape_types, priority=600)
     return {"parallel_read_safe": True}
