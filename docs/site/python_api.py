@@ -109,7 +109,8 @@ def from_markdown(app: Sphinx, what: str, name: str, obj: object, options: objec
                 literal, section = False, line in SECTIONS
             elif not section and not literal and not (made and made[-1].strip()):
                 literal = True
-                made += ["::", ""]
+                if not any(one.endswith("::") for one in made[-2:]):
+                    made += ["::", ""]
         made.append(line if literal else escaped(line))
     lines[:] = made
 
