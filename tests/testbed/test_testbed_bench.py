@@ -14,6 +14,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -322,19 +323,24 @@ THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, **NONE)  # type: igno
 
 @pytest.fixture(scope="module")
 def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bench's folder with its sets made: no other process needs to compile the truths."""
+    """A bench's folder with its sets made, of which the stand-in reads a head: no process compiles the truths."""
     made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
-    for task in THREE.tasks():
-        make(task, task.secret_id(made.key()), made.sets, made.key())
+    head = "run,specimen,time_s,pressure_pa,angle_rad\n"
+    one = SimpleNamespace(csv=head, study="surrogate: {kind: polynomial}\n", label=label_of("stiffness"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.evidence.sets.make_set", lambda spec, name: one)
+        for task in THREE.tasks():
+            make(task, task.secret_id(made.key()), made.sets, made.key())
     return made.folder
 
 
-def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
+def bench(out: Path, *more: str, seconds: str = "0", dies_at: str = "") -> subprocess.Popen[str]:
     command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
     command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
     command += [word for name in NONE for word in (f"--{name}", "0")]
     command += ["--other-every", "0", *more]
     paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
+    paths["STAND_IN_DIES_AT"] = dies_at
     return subprocess.Popen(
         command, env=os.environ | paths, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -361,6 +367,20 @@ def test_a_killed_bench_goes_on_where_it_was(three_sets: Path, tmp_path: Path) -
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
     third = bench(tmp_path, "--summarise")
     assert "stiffness 3" in third.communicate()[0] and third.returncode == 0
+
+
+def test_a_diagnoser_that_dies_costs_its_own_set_alone(three_sets: Path, tmp_path: Path) -> None:
+    shutil.copytree(three_sets, tmp_path / "evidence")
+    named = Bench(tmp_path / "evidence", "full")
+    one = THREE.tasks()[0].secret_id(named.key())
+    first = bench(tmp_path, dies_at=one)
+    assert "3 sets, 0 done before" in first.communicate()[0] and first.returncode == 1
+    lines = named.lines()
+    assert [name for name, line in lines.items() if "killed twice" in line.get("error", "")] == [one]
+    assert len(lines) == 3
+    second = bench(tmp_path)
+    assert "3 sets, 2 done before" in second.communicate()[0] and second.returncode == 0
+    assert "result" in named.lines()[one]
 
 
 def test_shards_run_apart_and_are_summarised_as_one(three_sets: Path, tmp_path: Path) -> None:
