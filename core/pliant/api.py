@@ -45,7 +45,14 @@ from pliant.experiments.experiment_catalogue import own_runs
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import DesignStages, StudyRun, check_study, fem_of_study, laws_of_study, simulate_study
+from pliant.pipeline.study import (
+    DesignStages,
+    StudyRun,
+    check_study,
+    fem_of_study,
+    laws_of_study,
+    simulate_study,
+)
 from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw

@@ -100,7 +100,9 @@ class StudyHandle:
         return self.config.name
 
     def __repr__(self) -> str:
-        blocks = [key for key in Study.model_fields if key not in ("pliant", "name") and getattr(self.config, key)]
+        blocks = [
+            key for key in Study.model_fields if key not in ("pliant", "name") and getattr(self.config, key)
+        ]
         return f"<study {self.name}: {', '.join(blocks)}>"
 
     def with_(self, changes: Mapping[str, Any] | None = None, /, **named: Any) -> StudyHandle:
@@ -227,7 +229,9 @@ def read(files: Any, **notes: Any) -> Result[Measurement]:
     return Result(measurement, document, plots.readings, frames.readings)
 
 
-def fit(table: Any, surrogate: str = "polynomial", *, store: str | Path = api.DEFAULT_STORE, **settings: Any) -> Fitted:
+def fit(
+    table: Any, surrogate: str = "polynomial", *, store: str | Path = api.DEFAULT_STORE, **settings: Any
+) -> Fitted:
     """A joint law from a table of anybody's: `pliant fit TABLE`.
 
     Args:
