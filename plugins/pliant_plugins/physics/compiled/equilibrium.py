@@ -12,6 +12,9 @@ Y_j = (T/L)(1 − d dᵀ) J_j. Its factor then has the same form, L_ji = Y_jᵀ 
     L_ii L_iiᵀ = K_ii + s 1 − Y_iᵀ P_i Y_i,   W_i L_iiᵀ = U_i − P_i Y_i.
 
 (Semiseparable matrices: Vandebril, Van Barel & Mastronardi 2008, chapter 4.)
+
+Functions that are called from one place are inlined before types are known: each would be compiled and optimised on
+its own, and again in all that lead to it.
 """
 
 from __future__ import annotations
@@ -159,7 +162,7 @@ def _largest(values):  # type: ignore[no-untyped-def]
     return largest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _product(first, second):  # type: ignore[no-untyped-def]
     """Σ of the products of two (n, a)."""
     n, a = first.shape
@@ -207,7 +210,7 @@ def _go(start, step, share, q):  # type: ignore[no-untyped-def]
             q[i, b] = start[i, b] + share * step[i, b]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
     """Moves q along the mode, in the direction that goes lower."""
     body, laws, loads = chain
@@ -221,7 +224,7 @@ def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def
         _go(start, push, -1.0, q)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
     """Moves q along the step (n, a), the `share` of a whole one, or less far.
 
@@ -264,7 +267,7 @@ def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignor
     return size, reached, np.nan, whole < norm
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     """Moves q (n, a) to a stable equilibrium.
 
@@ -318,7 +321,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     return False, False, size, max_iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     """Moves q (n, a) along an overdamped motion with ever longer steps, (K + δ 1) Δq = r; returns their number.
 
@@ -350,7 +353,7 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     return done
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _leaves_domain(boxes, signs, p, q, by_q):  # type: ignore[no-untyped-def]
     """Whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
     n, a = q.shape
