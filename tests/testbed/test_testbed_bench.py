@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
-from pliant.execution.executors import InlineExecutor
+from pliant.execution.executors import InlineExecutor, ProcessExecutor
 
 ROOT = Path(__file__).resolve().parents[2]
 KEY = bytes(range(32))
@@ -325,10 +326,14 @@ THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NO
 
 @pytest.fixture(scope="module")
 def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bench's folder with its sets made: no other process needs to compile the truths."""
+    """A bench's folder with its sets made, of which the stand-in reads a head: no process compiles the truths."""
     made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
-    for task in THREE.tasks():
-        make(task, task.secret_id(made.key()), made.sets, made.key())
+    head = "run,specimen,time_s,pressure_pa,angle_rad\n"
+    one = SimpleNamespace(csv=head, study="surrogate: {kind: polynomial}\n", label=label_of("stiffness"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.evidence.sets.make_set", lambda spec, name: one)
+        for task in THREE.tasks():
+            make(task, task.secret_id(made.key()), made.sets, made.key())
     return made.folder
 
 
@@ -374,6 +379,24 @@ def test_a_killed_bench_goes_on_where_it_was(bench: Callable[..., str], tmp_path
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
     assert "stiffness 3" in bench("--summarise")
+
+
+def test_a_diagnoser_that_dies_costs_its_own_set_alone(
+    bench: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_bench, "ProcessExecutor", ProcessExecutor)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    named = Bench(tmp_path / "evidence", "full")
+    one = THREE.tasks()[0].secret_id(named.key())
+    monkeypatch.setenv("STAND_IN_DIES_AT", one)
+    with pytest.raises(SystemExit):
+        bench()
+    lines = named.lines()
+    assert [name for name, line in lines.items() if "killed twice" in line.get("error", "")] == [one]
+    assert len(lines) == 3
+    monkeypatch.delenv("STAND_IN_DIES_AT")
+    assert "3 sets, 2 done before" in bench()
+    assert "result" in named.lines()[one]
 
 
 def test_shards_run_apart_and_are_summarised_as_one(bench: Callable[..., str], tmp_path: Path) -> None:

@@ -152,12 +152,12 @@ def _kept(path: Path, source: bytes, package: str) -> tuple[str, tuple[str, ...]
         digest, *names, written = file.read_text(encoding="utf-8").split("\n")
         if written == key:
             return digest, tuple(names)
-    digest, names = found = _parsed(source, package)
+    found = _parsed(source, package)
     if not sys.dont_write_bytecode:
         part = file.with_suffix(f".{os.getpid()}")
         with suppress(OSError):  # a folder that is not ours
             file.parent.mkdir(parents=True, exist_ok=True)
-            part.write_text("\n".join((digest, *names, key)), encoding="utf-8")
+            part.write_text("\n".join((found[0], *found[1], key)), encoding="utf-8")
             part.replace(file)
     return found
 
