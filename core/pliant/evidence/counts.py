@@ -305,13 +305,13 @@ class CountedStudy:
         return changed_task(self.task, {**condition.changes, "task.trials": self.trials})
 
 
-def is_counted(study: Study, data: Path | None = None) -> bool:
+def is_counted(study: Study, data: Sources = None) -> bool:
     """Whether the study's measurements, or `data`, are a file of counts."""
     path = _file(study, data)
     return path is not None and holds_counts(path, study.task, study.measurements)
 
 
-def counted_study(study: Study, data: Path | None = None) -> CountedStudy:
+def counted_study(study: Study, data: Sources = None) -> CountedStudy:
     """Read the counts; raises `UserError` for a task that counts no trials, and what `read_counts` raises."""
     path = _file(study, data)
     if path is None:
@@ -335,7 +335,8 @@ def compare_counted(bench: Workbench, counted: CountedStudy, workers: Workers = 
     return compare_counts(counted.counts, simulate_trials(bench, counted.study, settings, workers))
 
 
-def _file(study: Study, data: Path | None) -> Path | None:
-    if data is not None:
-        return data
-    return None if study.measurements is None else Path(study.measurements.file)
+def _file(study: Study, data: Sources) -> Any:
+    """The one table that may hold counts; None where there are several, or none."""
+    files = data if data is not None else study.measurements.file if study.measurements is not None else ()
+    sources = sources_of(files) if is_frame(files) or files else []
+    return sources[0] if len(sources) == 1 else None
