@@ -296,9 +296,7 @@ def why(found: Diagnosis, registry: Registry) -> list[str]:
     lines = [WRONG_UNIT] if any(TO_CHECK in remark for remark in found.remarks) else []
     lines += found.judgement.reasons
     for kind in found.selected:
-        notes = registry.get("effect", kind).implementation_class().notes
-        if notes.signature:
-            lines.append(f"{kind}: {notes.signature}")
+        lines += in_plain_words(registry, kind)
         twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
         if twins:  # look-alikes that these runs cannot exclude
             lines.append(f"Under these runs {kind} can hardly be told from {' or '.join(twins)}.")
@@ -308,6 +306,15 @@ def why(found: Diagnosis, registry: Registry) -> list[str]:
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     return lines
+
+
+def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> list[str]:
+    """An effect's plain name with what gives it away, and what to look at on the bench, as far as its notes say."""
+    component = registry.get("effect", kind)
+    notes = component.implementation_class().notes
+    known = f" {notes.signature}" if signature and notes.signature else ""
+    lines = [f"{kind}, {component.summary}:{known}"] if known else [f"{kind}: {component.summary}."]
+    return [*lines, *([f"On the bench: {notes.on_the_bench}"] if notes.on_the_bench else [])]
 
 
 def class_words(one: EffectClass, first: Collection[str] = ()) -> str:

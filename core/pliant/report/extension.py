@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
 from pliant.formatting import listed, number, unit_of
@@ -38,7 +39,11 @@ def extension_document(
         title=title,
         sentence=_absent(found, registry) if found.absent else sentence,
         data={**extension_json(found), "remarks": notes},
-        brief=(parameters_brief(found.uncertainty), *falls),
+        brief=(
+            *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
+            parameters_brief(found.uncertainty),
+            *falls,
+        ),
         warnings=tuple(map(Warned, (*notes, *doubts))),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
     )

@@ -52,7 +52,7 @@ PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
     Column("0.plausible"),
     Column("0.at_limit"),
     Column("0.includes_neutral"),
-    Column("0.doubts", "", " ", show=", ".join),
+    Column("0.remarks", "", " ", show=", ".join),
 )
 
 
@@ -152,8 +152,9 @@ def value_text(value: float, sd: float, si: str) -> str:
 
 
 def estimate_text(one: Estimate) -> str:
-    """``0.213 ± 0.004``, and whether it is implausible or at its bound."""
+    """``0.213 ± 0.004``, and whether it is implausible or at its bound, or that a simpler form is enough."""
     flags = [*([] if one.plausible else ["implausible"]), *(["at its bound"] if one.at_limit else [])]
+    flags = [one.simpler] if one.simpler else flags
     flagged = f" ({', '.join(flags)})" if flags else ""
     return value_text(one.value, one.sd, one.parameter.unit) + flagged
 
