@@ -14,18 +14,19 @@ from pliant.evidence.counts import ConditionResult, CountComparison
 from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
 from pliant.registry.discovery import Registry
-from pliant.report.comparison import ROWS, starred, yes
+from pliant.report.comparison import ROWS, SCORE_COLUMNS, starred, yes
 from pliant.report.document import (
     Column,
     Document,
     Drawn,
     Picture,
-    Section,
     Table,
     Warned,
     as_json,
     brief_table,
+    drawn,
     page_table,
+    section,
 )
 from pliant.report.fitted import probability_text, verdict_json
 
@@ -40,14 +41,16 @@ def counted(count: Count) -> str:
     return f"{count[0]}/{count[1]}"
 
 
-COUNT_COLUMNS: tuple[Column[CountComparison], ...] = (
-    Column("rmse"),
-    Column(lambda _: "1", "unit"),
-    Column("noise_floor"),
-    Column(lambda _: "binomial", "floor_source"),
-    *map(Column, ("ratio_to_floor", "bias", "log_likelihood", "deviance")),
-    Column("n_samples", "n"),
-    Column("n_effective"),
+# Of all conditions together; on the terminal below those of each, under the same heading.
+TOTAL_COLUMNS: tuple[Column[tuple[str, CountComparison]], ...] = (
+    Column("1.log_likelihood", brief="log-lik.", show=4),
+    Column("1.deviance", brief="dev.", show=4),
+)
+COUNT_COLUMNS = (
+    *SCORE_COLUMNS,
+    *TOTAL_COLUMNS,
+    Column("1.n_samples", "n"),
+    Column("1.n_effective"),
 )
 CONDITION_COLUMNS: tuple[Column[ConditionResult], ...] = (
     Column("condition.words", "condition", "condition", "condition"),
@@ -93,7 +96,7 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
     stars = f"* more than chance, corrected for looking at {len(found.conditions)} conditions"
     shown = found.conditions[:CONDITIONS_BRIEF]
     table = brief_table(CONDITION_COLUMNS, shown, stars if found.disagreeing else "")
-    whole = {"log-lik.": number(found.log_likelihood, 4), "dev.": number(found.deviance, 4)}
+    whole = {column.brief: column.cell((OUTPUT, found), True) for column in TOTAL_COLUMNS}
     last = ["all conditions", *(whole.get(head, "") for head in table.head[1:])]
     return Document(
         kind="Pliant: model against counts",
@@ -110,7 +113,7 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
 def counts_json(found: CountComparison) -> dict[str, Any]:
     """The contract's keys (`outputs.success`, `runs`, `worst`, `n_samples`), and what belongs to counts."""
     return {
-        "outputs": {OUTPUT: as_json(COUNT_COLUMNS, found)},
+        "outputs": {OUTPUT: as_json(COUNT_COLUMNS, (OUTPUT, found))},
         "rmse_over_floor": found.ratio_to_floor,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_own": found.log_likelihood_own,
@@ -223,7 +226,7 @@ def _drawn_counts(found: CountComparison) -> Drawn:
         page_table("Condition by condition", CONDITION_COLUMNS, found.conditions[:ROWS], note),
         page_table("Do the repeats agree?", REPEAT_COLUMNS, repeated[:ROWS], sets),
     )
-    return Drawn(shares_picture("runs", caption, {"model": shown}), (Section("Numbers", (), tables),))
+    return drawn(shares_picture("runs", caption, {"model": shown}), section("Numbers", *tables))
 
 
 def counts_diagnosis_document(
@@ -342,7 +345,14 @@ def hypothesis_columns(found: CountEvidence) -> tuple[Column[Kinds], ...]:
         Column(
             found.log_evidence.__getitem__, "log_evidence", "log-evidence", "evidence", show=4, brief_show=3
         ),
-        Column(_parameters(rows), "parameters", "best level", "best at", level, level_alone),
+        Column(
+            lambda kinds: _levels_json(rows[kinds]) if kinds in rows else {},
+            "parameters",
+            "best level",
+            "best at",
+            level,
+            level_alone,
+        ),
         Column(list, "", "log-likelihood there", text=likelihood),
         Column(list, "", "left out", text=left_out),
         Column(list, "", "still wrong", "still wrong", wrong),
@@ -368,20 +378,14 @@ def _hypothesis_json(
     }
 
 
-def _parameters(rows: Mapping[Kinds, Explanation]) -> Callable[[Kinds], dict[str, Any]]:
-    """The best level of each number of a hypothesis, and its standard deviation over the levels."""
-
-    def of(kinds: Kinds) -> dict[str, Any]:
-        made = {}
-        for k, parameter in enumerate(rows[kinds].parameters if kinds in rows else ()):
-            row = rows[kinds]
-            values = np.array([levels[k] for levels in row.grid])
-            sd = float(np.sqrt(row.weights @ (values - float(row.weights @ values)) ** 2))
-            value = float(values[row.best])
-            made[parameter.name] = {"value": value, "sd": sd, "unit": parameter.unit, "plausible": True}
-        return made
-
-    return of
+def _levels_json(row: Explanation) -> dict[str, Any]:
+    """The best level of each number, and its standard deviation over the levels."""
+    values = np.array(row.grid, float).reshape(len(row.grid), len(row.parameters))
+    sd = np.sqrt(row.weights @ (values - row.weights @ values) ** 2)
+    return {
+        one.name: {"value": float(v), "sd": float(s), "unit": one.unit, "plausible": True}
+        for one, v, s in zip(row.parameters, values[row.best], sd, strict=True)
+    }
 
 
 def _unseen_rmse(found: CountEvidence, row: Explanation) -> float:
@@ -407,5 +411,6 @@ def _drawn_diagnosis(found: CountEvidence, columns: tuple[Column[Kinds], ...]) -
         "Log-evidence: log of the mean likelihood over the levels tried. Left out: log-likelihood of each condition "
         "when the others choose the level. Still wrong: conditions beyond chance at the best level."
     )
-    table = page_table("Every hypothesis", columns, list(found.probability), note)
-    return Drawn(shares_picture("changes", caption, models), (Section("Every hypothesis", (), (table,)),))
+    title = "Every hypothesis"
+    table = page_table(title, columns, list(found.probability), note)
+    return drawn(shares_picture("changes", caption, models), section(title, table))

@@ -120,6 +120,19 @@ def page_table(
     )
 
 
+def optional_table(
+    title: str, head: Cells, rows: Sequence[Cells], note: str = "", numeric: int = 1
+) -> Table | None:
+    """The table; None without rows."""
+    return Table(title, head, rows, note, numeric) if rows else None
+
+
+def named_values(title: str, values: Mapping[str, str | None], note: str = "") -> Table | None:
+    """A table of names and texts; what is None is left out, and so is a table without any."""
+    rows = [[name, text] for name, text in values.items() if text is not None]
+    return optional_table(title, ["", "value"], rows, note, numeric=9)
+
+
 def brief(table: Table) -> Table:
     """A page's table for the terminal, without title and note."""
     return replace(table, title="", note="")
@@ -161,11 +174,14 @@ def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture |
     return None if png is None else Picture(name, caption, png)
 
 
-def section(title: str, *parts: Picture | Table | None, text: str = "", note: str = "") -> Section | None:
-    """A section of the pictures and tables that are there; None without any."""
+def section(
+    title: str, *parts: Picture | Table | None, text: str | Sequence[str] = (), note: str = ""
+) -> Section | None:
+    """A section of the pictures and tables that are there; None without any. `text`: one paragraph or several."""
     pictures = tuple(part for part in parts if isinstance(part, Picture))
     tables = tuple(part for part in parts if isinstance(part, Table))
-    return Section(title, pictures, tables, note, (text,) if text else ()) if pictures or tables else None
+    paragraphs = tuple(filter(None, [text] if isinstance(text, str) else text))
+    return Section(title, pictures, tables, note, paragraphs) if pictures or tables else None
 
 
 @dataclass(frozen=True)
