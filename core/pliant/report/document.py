@@ -127,10 +127,11 @@ def optional_table(
     return Table(title, head, rows, note, numeric) if rows else None
 
 
-def named_values(title: str, values: Mapping[str, str | None], note: str = "") -> Table | None:
-    """A table of names and texts; what is None is left out, and so is a table without any."""
-    rows = [[name, text] for name, text in values.items() if text is not None]
-    return optional_table(title, ["", "value"], rows, note, numeric=9)
+def named_values(title: str, values: Mapping[str, str | None], note: str = "") -> Table:
+    """A table of names and texts; what has no text is left out."""
+    return Table(
+        title, ["", "value"], [[name, text] for name, text in values.items() if text], note, numeric=9
+    )
 
 
 def brief(table: Table) -> Table:

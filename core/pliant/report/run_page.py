@@ -20,7 +20,7 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.fem_page import data_sections, shape_section
-from pliant.report.fem_view import Solved
+from pliant.report.fem_view import DesignStates
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.error_bars import COORDINATES, tip_cloud
@@ -40,7 +40,7 @@ def run_drawn(run: FinishedRun) -> Drawn:
     """Body, law and poses on top; then meshes, states, law, engines, uncertainty, cost. Same run, same bytes."""
     block = run.study.get("fem") or {}
     backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
-    solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
+    solved = [DesignStates(d.name, d.module, backend) for d in run.designs if d.module is not None]
     *states, cost = [None, *data_sections(solved, RESIDUALS)]
     parts = [
         "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest state "
