@@ -40,6 +40,7 @@ class Column(Generic[Row]):
             by default the value itself as text.
         brief_show: the same for the terminal where it differs from the page's.
         unit: display unit of the row; `show` are then digits in this unit, which the terminal alone writes behind them.
+        none: the cell of a value that is None; so is every value behind a part of the path that is None.
     """
 
     value: str | Callable[[Row], Any]
@@ -51,6 +52,7 @@ class Column(Generic[Row]):
     show: int | Unit | Callable[[Any], str] = str
     brief_show: int | Unit | Callable[[Any], str] | None = None
     unit: Callable[[Row], Unit] | None = None
+    none: str = "–"
 
     @property
     def json_key(self) -> str:
@@ -69,6 +71,8 @@ class Column(Generic[Row]):
             return self.value(row)
         value: Any = row
         for part in self.value.split("."):
+            if value is None:
+                return None
             if isinstance(value, Mapping):
                 value = value[part]
             else:
@@ -83,6 +87,8 @@ class Column(Generic[Row]):
         if show is None and self.text is not None:
             return self.text(row)
         show, value = self.show if show is None else show, self.of(row)
+        if value is None:
+            return self.none
         if callable(show):
             return show(value)
         if isinstance(show, Unit):

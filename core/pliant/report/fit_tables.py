@@ -195,7 +195,7 @@ SURROGATES: tuple[Column[Fitted], ...] = (
         "covered",
         "in its 90 % band",
         "in band",
-        show=lambda covered: "–" if covered is None else percent(covered, 3),
+        show=lambda covered: percent(covered, 3),
     ),
     Column(lambda f: not unstable_places(f.law), "stable", brief="stable", show=number),
     Column("wall_s", head="fit", brief="fit", show=seconds),

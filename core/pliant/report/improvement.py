@@ -47,7 +47,7 @@ STEP_COLUMNS: tuple[Column[Placed], ...] = (
     Column(lambda placed: errors_json(placed[1].locked), "heldout"),
     Column("1.locked.over_floor", "rmse_over_floor"),
     Column("1.locked_se", "rmse_over_floor_se"),
-    Column(lambda s: None if s[1].unseen is None else s[1].unseen.over_floor, "unseen_rmse_over_floor"),
+    Column("1.unseen.over_floor", "unseen_rmse_over_floor"),
     Column("1.training.over_floor", "training_rmse_over_floor"),
     Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
 )
