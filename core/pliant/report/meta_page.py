@@ -172,8 +172,7 @@ def design_errors(fitted: MetaFitted) -> style.Png:
         max(len(pairs), 1),
     )
     shares = 100 * np.maximum(worst, 1e-8)
-    low, high = 10.0 ** np.floor(np.log10(np.nanmin(shares))), 10.0 ** np.ceil(np.log10(np.nanmax(shares)))
-    norm = LogNorm(low, max(high, 10 * low))
+    norm = style.decades(float(np.nanmin(shares)), float(np.nanmax(shares)))
     columns = min(count, 3)
     rows = -(-count // columns)
     with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60, wspace=0.04) as figure:
