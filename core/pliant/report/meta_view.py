@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
 from pliant.records.law import FitReport
 from pliant.records.solved import SolvedDesigns
-from pliant.report.document import Cells, Column, Table, named_values, optional_table
+from pliant.report.document import Column, Table, named_values, optional_table, page_table
 from pliant.report.provenance import short_text, words
 from pliant.store.store import Artifact
 
@@ -201,16 +201,23 @@ def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
     return rows
 
 
+def _parameters(fitted: MetaFitted, values: Iterable[float]) -> list[str]:
+    """Cells of a design's parameters, in their display units."""
+    units = map(parameter_unit, fitted.designs.names)
+    return [number(float(v) * unit.factor, 4) for v, unit in zip(values, units, strict=True)]
+
+
 def worst_table(fitted: MetaFitted) -> Table:
     """The designs that are missed most."""
-    names = [parameter_unit(name) for name in fitted.designs.names]
-    rows: list[Cells] = []
-    for design in fitted.worst_designs(WORST):
-        values = fitted.designs.values[design]
-        cells = [number(float(v) * unit.factor, 4) for v, unit in zip(values, names, strict=True)]
-        place = "border" if fitted.border[design] else "interior"
-        rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
-    head = ["worst of range", "place", *(unit.axis for unit in names)]
+    rows = [
+        [
+            percent(float(fitted.worst[design]), 3),
+            "border" if fitted.border[design] else "interior",
+            *_parameters(fitted, fitted.designs.values[design]),
+        ]
+        for design in fitted.worst_designs(WORST)
+    ]
+    head = ["worst of range", "place", *(parameter_unit(name).axis for name in fitted.designs.names)]
     return Table("Designs that were missed most", head, rows, numeric=2)
 
 
@@ -226,16 +233,19 @@ def coverage_table(fitted: MetaFitted) -> Table:
     return Table("What the error bars hold", head, rows, note)
 
 
+LEARNING: tuple[Column[Mapping[str, Any]], ...] = (
+    Column("n", head="designs"),
+    *(
+        Column(f"{place}.{key}", head=f"{place}, {label}", show=share_text)
+        for place in ("all", "interior")
+        for key, label in (("rms", "RMS"), ("worst", "worst"))
+    ),
+    Column("wall_s", head="fit", show=seconds),
+)
+
+
 def learning_table(learning: Mapping[str, Any]) -> Table:
     """Errors by number of designs."""
-    rows: list[Cells] = []
-    for point in learning["points"]:
-        cells = [str(point["n"])]
-        for place in ("all", "interior"):
-            found = point[place]
-            cells += [percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
-        rows.append([*cells, seconds(float(point["wall_s"]))])
-    head = ["designs", "all, RMS", "all, worst", "interior, RMS", "interior, worst", "fit"]
     count, inside = len(learning["test"]), len(learning["interior"])
     note = (
         f"Shares of each design's range at {count} designs that no fit saw, {inside} of them inside the range. "
@@ -244,21 +254,17 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
     if learning["left_out"]:
         sizes = ", ".join(str(p["n"]) for p in learning["left_out"])
         note += f" Not fitted: {sizes} ({learning['left_out'][0]['cause']})"
-    return Table("Error by number of designs", head, rows, note)
+    return page_table("Error by number of designs", LEARNING, learning["points"], note)
 
 
 def next_table(fitted: MetaFitted) -> Table | None:
     """Designs that should be solved next; None where nobody asked."""
-    names = [parameter_unit(name) for name in fitted.designs.names]
     rows = [
-        [
-            str(count),
-            *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
-            percent(one.gain, 3),
-        ]
+        [str(count), *_parameters(fitted, one.values), percent(one.gain, 3)]
         for count, one in enumerate(fitted.proposals, start=1)
     ]
-    head = ["", *(unit.axis for unit in names), *(WORTH.get(p.basis, p.basis) for p in fitted.proposals[:1])]
+    gain = [WORTH.get(one.basis, one.basis) for one in fitted.proposals[:1]]
+    head = ["", *(parameter_unit(name).axis for name in fitted.designs.names), *gain]
     return optional_table("Solve these next", head, rows)
 
 
