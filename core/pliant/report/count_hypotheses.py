@@ -11,6 +11,7 @@ from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.evidence.counts import CountComparison
 from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
+from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.report.comparison import ROWS
 from pliant.report.counts import OUTPUT, counts_json, shares_picture
@@ -62,7 +63,14 @@ class WeighedCounts(NamedTuple):
     @property
     def still_wrong(self) -> list[str] | None:
         """Conditions beyond chance at the best level."""
-        return self.comparison and [one.condition.words for one in self.comparison.disagreeing]
+        if self.comparison is None:
+            return None
+        return [one.condition.words for one in self.comparison.disagreeing]
+
+    @property
+    def of_levels(self) -> Array | None:
+        """(levels,) log-likelihood of all conditions at each level."""
+        return None if self.row is None else self.row.log_likelihood.sum(axis=1)
 
     @property
     def best_level(self) -> str:
@@ -96,7 +104,7 @@ SCANNED_COLUMNS: tuple[Column[WeighedCounts], ...] = (
         "still_wrong", head="still wrong", brief="still wrong", show=lambda wrong: str(len(wrong)), none=""
     ),
     Column("row.grid", "levels"),
-    Column(lambda h: h.row.log_likelihood.sum(axis=1), "log_likelihood_of_levels"),
+    Column("of_levels", "log_likelihood_of_levels"),
     Column("row.simulated"),
 )
 EVERY_COLUMN = (*HYPOTHESIS_COLUMNS, *SCANNED_COLUMNS)

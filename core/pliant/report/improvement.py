@@ -183,7 +183,8 @@ def _drawn(found: Improvement) -> Drawn:
     title = "Step by step"
     steps = page_table(title, step_columns(found), list(enumerate(found.steps, start=1)), numeric=2)
     note = "Fitted to the training runs only. Intervals: profile of the error."
-    added = found.final and parameters_table(found.final.uncertainty, "What was added", note)
+    final = found.final
+    added = None if final is None else parameters_table(final.uncertainty, "What was added", note)
     note = "Of all runs, as the residuals of the last model show it."
     floors = page_table("Noise floor", FLOOR_COLUMNS, list(found.floors.items()), note)
     return drawn(
