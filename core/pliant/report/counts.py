@@ -34,10 +34,17 @@ def counted(count: Count) -> str:
     return f"{count[0]}/{count[1]}"
 
 
-# Of all conditions together; on the terminal below those of each, under the same heading.
+def _likelihoods(row: tuple[str, CountComparison]) -> str:
+    own = number(row[1].log_likelihood_own, 4)
+    return (
+        f"{number(row[1].log_likelihood, 4)}, against {own} of a model that says nothing about any condition"
+    )
+
+
+# Of all conditions together: a sentence below the page's table, and the last row of the terminal's, or lines below it.
 TOTAL_COLUMNS: tuple[Column[tuple[str, CountComparison]], ...] = (
-    Column("1.log_likelihood", brief="log-lik.", show=4),
-    Column("1.deviance", brief="dev.", show=4),
+    Column("1.log_likelihood", head="log-likelihood", brief="log-lik.", text=_likelihoods, brief_show=4),
+    Column("1.deviance", head="deviance", brief="dev.", show=4),
 )
 COUNT_COLUMNS = (
     *SCORE_COLUMNS,
@@ -90,13 +97,14 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
     shown = found.conditions[:CONDITIONS_BRIEF]
     table = brief_table(CONDITION_COLUMNS, shown, stars if found.disagreeing else "")
     whole = {column.brief: column.cell((OUTPUT, found), True) for column in TOTAL_COLUMNS}
-    last = ["all conditions", *(whole.get(head, "") for head in table.head[1:])]
+    last = ["all conditions", *(whole.pop(head, "") for head in table.head[1:])]
+    more = (f"{name}: {text}" for name, text in whole.items())
     return Document(
         kind="Pliant: model against counts",
         title=title,
         sentence=interpret_counts(found),
         data=counts_json(found),
-        brief=(Table("", table.head, [*table.rows, last], table.note),),
+        brief=(Table("", table.head, [*table.rows, last], table.note), *more),
         warnings=tuple(map(Warned, found.remarks)),
         draw=lambda: _drawn(found),
         footer=f"Counts: {counts.source or 'given in memory'}",
@@ -202,11 +210,10 @@ def _drawn(found: CountComparison) -> Drawn:
         "Share of successes by condition: measured and simulated, each with the interval that counting alone gives it. "
         f"Filled model: it differs from the measurement by more than chance, all conditions being looked at.{whole}"
     )
+    totals = "; ".join(f"{column.head} {column.cell((OUTPUT, found))}" for column in TOTAL_COLUMNS)
     note = (
-        f"Together: log-likelihood {number(found.log_likelihood, 4)}, against "
-        f"{number(found.log_likelihood_own, 4)} of a model that says nothing about any condition; deviance "
-        f"{number(found.deviance, 4)}. The likelihood is beta-binomial, because "
-        "both sides are finite samples; p is Fisher's exact test."
+        f"Together: {totals}. The likelihood is beta-binomial, because both sides are finite samples; p is Fisher's "
+        "exact test."
     )
     repeated = [one for one in found.conditions if len(one.condition.sets) > 1]
     per_freedom = f"χ² per degree of freedom over all repeats: {number(found.overdispersion, 2)}"
