@@ -19,6 +19,7 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
+from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.rollout import TaskResult
@@ -48,11 +49,15 @@ class DesignResult:
 
 @dataclass(frozen=True)
 class EngineResult:
-    """One engine: its result, or the reason why it was skipped."""
+    """An engine that ran."""
 
     kind: str
-    result: TaskResult | None
-    skipped: str = ""
+    result: TaskResult
+
+    @property
+    def markers_m(self) -> Array:
+        """(n + 2, 3) settled markers."""
+        return self.result.final.markers_m
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,8 @@ class FinishedRun:
 
     `summary` is the result of the command; `provenance` holds one manifest per artifact, in the order of the
     stages; `segment_designs` says which of `designs` each segment of the chain has; `uncertainty` is what
-    `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them.
+    `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them; `engines` ran,
+    in the study's order, `skipped` did not: kind and cause.
     """
 
     summary: Mapping[str, Any]
@@ -71,6 +77,7 @@ class FinishedRun:
     provenance: tuple[Mapping[str, Any], ...]
     segment_designs: tuple[int, ...] = ()
     uncertainty: Mapping[str, Any] | None = None
+    skipped: tuple[tuple[str, str], ...] = ()
 
     def named(self, design: DesignResult) -> str:
         """The design's name as a sentence or a title begins with it; empty where there is one design."""
@@ -89,11 +96,12 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
         )
         for number, d in enumerate(run.designs)
     )
-    engines = tuple(EngineResult(e.kind, e.result, e.skipped) for e in run.engines)
+    engines = tuple(EngineResult(e.kind, e.result) for e in run.engines if e.result is not None)
+    skipped = tuple((e.kind, e.skipped) for e in run.engines if e.result is None)
     manifests = tuple(artifact.manifest for _, artifact in _artifacts(run))
     spread = run.uncertainty.value if run.uncertainty is not None else None
     return FinishedRun(
-        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread
+        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread, skipped
     )
 
 
@@ -138,14 +146,13 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
             raise ValueError("study.json holds no study")
         artifacts = {name: load_artifact(folder / "data" / name) for name in index["artifacts"]}
         designs = _read_designs(folder, index, artifacts, study, registry)
-        engines = tuple(
-            EngineResult(kind, a.value if (a := artifacts.get(_engine_name(n, kind))) else None, skipped)
-            for n, (kind, skipped) in enumerate(index["engines"])
-        )
+        made = [(kind, cause, _engine_name(n, kind)) for n, (kind, cause) in enumerate(index["engines"])]
+        engines = tuple(EngineResult(kind, artifacts[a].value) for kind, _, a in made if a in artifacts)
+        skipped = tuple((kind, cause) for kind, cause, a in made if a not in artifacts)
         segments = tuple(int(number) for number in index["segment_designs"])
         manifests = tuple(artifact.manifest for artifact in artifacts.values())
         spread = artifacts[UNCERTAINTY].value if UNCERTAINTY in artifacts else None
-        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread)
+        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread, skipped)
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(
             f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."

@@ -111,23 +111,29 @@ def answer(read: SearchView) -> str:
     def span(k: int) -> tuple[str, str]:
         objective = read.objectives[k]
         values = [float(d.objectives[objective.name]) for d in result.best]
-        return objective.text(min(values)), objective.text(max(values))
+        return objective.unit.text(min(values)), objective.unit.text(max(values))
 
     evaluated, found = plural(result.evaluations, "evaluated design"), result.verification
     if read.shape == "contextual":
         low, high = span(0)
-        text = f"one design for each of {len(result.best)} conditions, {first.label} from {low} to {high}"
+        text = (
+            f"one design for each of {len(result.best)} conditions, {first.unit.label} from {low} to {high}"
+        )
         text += f", learned from {evaluated}"
     elif read.shape == "front":
-        each = (" to ".join([f"{o.label} {span(k)[0]}", span(k)[1]]) for k, o in enumerate(read.objectives))
+        each = (
+            " to ".join([f"{o.unit.label} {span(k)[0]}", span(k)[1]]) for k, o in enumerate(read.objectives)
+        )
         text = f"a front of {plural(len(result.best), 'compromise')} of {evaluated}: {'; '.join(each)}"
     else:
-        value = first.text(result.best[0].objectives[first.name])
+        value = first.unit.text(result.best[0].objectives[first.name])
         how = ", predicted and not verified" if found is None else " as the search predicts it"
-        text = f"the best of {evaluated}: {first.label} {value}{how}"
+        text = f"the best of {evaluated}: {first.unit.label} {value}{how}"
     if found is not None and read.shape in ("one", "front"):
-        name = read.objective_metric
-        values = [f"{first.text(m[name])} in {engine}" for engine, m in found.verified.items() if name in m]
+        name = read.objective.metric
+        values = [
+            f"{first.unit.text(m[name])} in {engine}" for engine, m in found.verified.items() if name in m
+        ]
         how = "verified by direct FEM" if found.laws else "checked again"
         text += f"; {how}: {', '.join(values)}" if values else ""
     return unbroken(capital(text) + ".")
@@ -140,14 +146,14 @@ def warned(read: SearchView) -> Iterator[Warned]:
         yield Warned("Nothing was verified: every number rests on the laws that the search used.")
     if found is not None:
         for engine, metrics in found.verified.items():
-            name, text = read.objective_metric, read.objective.text
+            name, text = read.objective.metric, read.objective.unit.text
             predicted, verified = found.predicted.get(engine, {}).get(name), metrics.get(name)
             if predicted is None or verified is None or not np.isfinite([predicted, verified]).all():
                 continue
             off = abs(verified - predicted) / max(abs(predicted), 1e-12)
             if off > FAR:
                 sentence = (
-                    f"In {engine} the verified {read.objective.label} is {text(verified)}, {percent(off)} off the "
+                    f"In {engine} the verified {read.objective.unit.label} is {text(verified)}, {percent(off)} off the "
                     f"predicted {text(predicted)}."
                 )
                 yield Warned(unbroken(sentence))
