@@ -69,82 +69,65 @@ def test_warnings_name_every_limit(page: Page) -> None:
     assert "The study sets sweep" in text
 
 
-def stated(kit: Any, flat: FinishedRun) -> FinishedRun:
-    law = kit.PlainLaw(domain=Domain.unbounded(1))
-    return replace(flat, designs=(DesignResult("stated", None, law, None),), summary={})
-
-
-def from_a_table(kit: Any, flat: FinishedRun) -> FinishedRun:
-    fit = replace(kit.fit_report(), r2=float("nan"), details={"study_form": {"problem": "too few states"}})
-    bare = {"pliant": 1, "name": "table", "surrogate": {"kind": "plain", "data": "fem.csv"}}
-    one = replace(design(kit, "table", shapes=False, family="table"), fit=fit)
-    return FinishedRun({}, bare, (one,), (), (kit.manifest("fit", 0.1),))
-
-
-def unsettled(kit: Any, flat: FinishedRun) -> FinishedRun:
-    only = kit.engine("quasistatic", np.full((8, 1), 0.2), converged=False, stable=None, residual=1e-3)
-    return replace(flat, engines=(only,))
-
-
-def loaded(kit: Any, flat: FinishedRun) -> FinishedRun:
-    chain = {"modules": 8, "gravity_m_s2": [0.0, 0.0, -9.81], "payload_kg": 0.013}
-    return replace(flat, study=kit.study() | {"chain": chain})
-
-
-def two_designs(kit: Any, flat: FinishedRun) -> FinishedRun:
-    second = {"modules": 1, "rotation_rad": 0.8, "family": {"wall": 0.002}}
-    designs = tuple(design(kit, f"design {n}") for n in (1, 2))
-    engines = (kit.engine("quasistatic", np.full((2, 1), FREE)),)
-    chain = {"segments": [{"modules": 1}, second]}
-    return replace(flat, designs=designs, engines=engines, study=kit.study() | {"chain": chain})
-
-
-def helix(kit: Any, flat: FinishedRun) -> FinishedRun:
-    axes = ("x", "y", "z")
-    law = kit.PlainLaw(axes=axes, joint="spherical", domain=Domain.unbounded(3))
-    angles = np.tile([0.02, 0.2, 0.1], (10, 1))
-    engines = (kit.engine("quasistatic", angles, axes), kit.engine("mujoco", 1.0001 * angles, axes))
-    return replace(
-        flat, designs=(design(kit, "helix", law, shapes=False),), engines=engines, study=kit.study(10)
+@pytest.fixture(scope="module")
+def runs(kit: Any, flat: FinishedRun) -> dict[str, FinishedRun]:
+    """The flat run with a part of it changed."""
+    axes, angles = ("x", "y", "z"), np.tile([0.02, 0.2, 0.1], (10, 1))
+    free = Domain.unbounded(1)
+    spherical = kit.PlainLaw(axes=axes, joint="spherical", domain=Domain.unbounded(3))
+    unscored = replace(
+        kit.fit_report(), r2=float("nan"), details={"study_form": {"problem": "too few states"}}
     )
+    table = replace(design(kit, "table", shapes=False, family="table"), fit=unscored)
+    loads = {"modules": 8, "gravity_m_s2": [0.0, 0.0, -9.81], "payload_kg": 0.013}
+    segments = [{"modules": 1}, {"modules": 1, "rotation_rad": 0.8, "family": {"wall": 0.002}}]
 
+    def of(*designs: DesignResult, engines: Any = flat.engines, **changes: Any) -> FinishedRun:
+        return replace(flat, designs=designs or flat.designs, engines=engines, study=kit.study(**changes))
 
-def thousands_of_states(kit: Any, flat: FinishedRun) -> FinishedRun:
-    return replace(flat, designs=(design(kit, "dense", n_p=60, n_u=60, shapes=False),), engines=())
+    def bent(total: float, modules: int, **state: Any) -> tuple[Any, ...]:
+        return (kit.engine("quasistatic", np.full((modules, 1), total / modules), **state),)
 
-
-def one_module(kit: Any, flat: FinishedRun) -> FinishedRun:
-    return replace(flat, engines=(kit.engine("quasistatic", np.full((1, 1), 0.3)),), study=kit.study(1))
-
-
-def forty_modules(kit: Any, flat: FinishedRun) -> FinishedRun:
-    return replace(
-        flat, engines=(kit.engine("quasistatic", np.full((40, 1), 1.5 / 40)),), study=kit.study(40)
-    )
+    return {
+        "stated": of(DesignResult("stated", None, kit.PlainLaw(domain=free), None)),
+        "table": replace(of(table, engines=()), study={"pliant": 1, "name": "table"}),
+        "unsettled": of(engines=bent(1.6, 8, converged=False, stable=None, residual=1e-3)),
+        "loaded": of(chain=loads),
+        "two": of(
+            design(kit, "design 1"),
+            design(kit, "design 2"),
+            engines=bent(0.7, 2),
+            chain={"segments": segments},
+        ),
+        "helix": of(
+            design(kit, "helix", spherical, shapes=False),
+            engines=(kit.engine("quasistatic", angles, axes), kit.engine("mujoco", 1.0001 * angles, axes)),
+            modules=10,
+        ),
+        "dense": of(design(kit, "dense", n_p=60, n_u=60, shapes=False), engines=()),
+        "one": of(engines=bent(0.3, 1), modules=1),
+        "forty": of(engines=bent(1.5, 40), modules=40),
+    }
 
 
 @pytest.mark.parametrize(
-    ("make", "pictures", "says"),
+    ("name", "pictures", "says"),
     [
-        (stated, "finger law chain_pose", ["the law is stated by its coefficients", "b_e = 0.0245"]),
-        (from_a_table, "finger law", ["no chain simulated", "the table's states"]),
-        (unsettled, "finger law chain_pose", ["did not settle", "quasistatic did not converge"]),
-        (loaded, "finger law chain_pose", ["with 13 g at its tip", "under gravity"]),
-        (
-            two_designs,
-            "finger module_shape module_shape_2 law law_2 chain_pose",
-            ["design 2: 2 of 35 states"],
-        ),
-        (helix, "finger law chain_pose", ["10-module finger"]),
-        (thousands_of_states, "finger law", ["Engine pybullet was skipped"]),
-        (one_module, "finger law chain_pose", ["One-joint finger bends 17.2°"]),
-        (forty_modules, "finger law chain_pose", ["40-module finger"]),
+        ("stated", "finger law chain_pose", ["the law is stated by its coefficients", "b_e = 0.0245"]),
+        ("table", "finger law", ["no chain simulated", "the table's states"]),
+        ("unsettled", "finger law chain_pose", ["did not settle", "quasistatic did not converge"]),
+        ("loaded", "finger law chain_pose", ["with 13 g at its tip", "under gravity"]),
+        ("two", "finger module_shape module_shape_2 law law_2 chain_pose", ["design 2: 2 of 35 states"]),
+        ("helix", "finger law chain_pose", ["10-module finger"]),
+        ("dense", "finger law", ["Engine pybullet was skipped"]),
+        ("one", "finger law chain_pose", ["One-joint finger bends 17.2°"]),
+        ("forty", "finger law chain_pose", ["40-module finger bends 85.9°"]),
     ],
 )
-def test_what_is_missing_is_left_out(
-    kit: Any, flat: FinishedRun, make: Any, pictures: str, says: list[str]
+def test_a_page_shows_what_its_run_has(
+    runs: dict[str, FinishedRun], name: str, pictures: str, says: list[str]
 ) -> None:
-    run = make(kit, flat)
+    run = runs[name]
     page = render(run)
     text = check_sound(page)
     assert list(page.pictures) == pictures.split()
@@ -152,9 +135,9 @@ def test_what_is_missing_is_left_out(
     assert ("engines agree within" in text) == (len(run.engines) > 1)
     if "chain_pose" in page.pictures:  # only the helix needs two projections
         width = struct.unpack(">I", page.pictures["chain_pose"].tobytes()[16:20])[0]
-        assert (width > 1500) == (make is helix)
+        assert (width > 1500) == (name == "helix")
 
 
-def test_same_run_same_bytes(kit: Any, flat: FinishedRun) -> None:
-    run = replace(one_module(kit, flat), designs=(design(kit, "body"),))
+def test_same_run_same_bytes(kit: Any, runs: dict[str, FinishedRun]) -> None:
+    run = replace(runs["one"], designs=(design(kit, "body"),))
     assert render(run).html == render(run).html

@@ -120,6 +120,11 @@ def test_figures_exist_for_what_the_record_has() -> None:
         assert made(nothing) is None
     assert bytes(search_history(nothing)[:4]) == b"\x89PNG"
     assert search_designs(()) is None
+    for make in (samples.curved, samples.grasped):
+        shown = [Drawing.of(make(f"design {k}")) for k in (1, 2)]
+        alone, both = search_designs(shown[:1]), search_designs(shown)
+        assert alone is not None and both is not None and len(both) > len(alone)
+        assert (shown[0].rest_m is None) == (make is samples.grasped)
 
 
 def with_best(result: SearchResult, **changes: Any) -> SearchResult:
@@ -153,13 +158,3 @@ def test_a_picture_changes_with_what_it_shows(draw: Any, one: SearchResult, othe
     first, second = draw(read(one)), draw(read(other))
     assert first is not None and second is not None
     assert first.tobytes() != second.tobytes()
-
-
-@pytest.mark.parametrize("scene", [False, True])
-def test_designs_are_drawn_side_by_side(scene: bool) -> None:
-    designs = [samples.grasped(f"design {k}") if scene else samples.curved(f"design {k}") for k in (1, 2)]
-    shown = [Drawing.of(one) for one in designs]
-    alone, both = search_designs(shown[:1]), search_designs(shown)
-    assert alone is not None and both is not None
-    assert len(both) > len(alone)
-    assert (shown[0].rest_m is None) == scene

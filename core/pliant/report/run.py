@@ -27,9 +27,9 @@ from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
 from pliant.report.folder import DesignResult, EngineResult, FinishedRun, finished, table_name
-from pliant.report.provenance import duration, made_by, stage_json
+from pliant.report.provenance import duration, made_by, nested, stage_json
 from pliant.report.run_view import (
-    actuation,
+    actuation_text,
     distances_m,
     main_axis,
     payload_kg,
@@ -171,15 +171,11 @@ def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
     for name, value in metrics.items():
         items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
         if not any(isinstance(item, list) for item in items):
-            lines.append(f"  {name:<24} {_metric(value)}")
+            lines.append(f"  {name:<24} {nested(value, _in_si)}")
     return lines
 
 
-def _metric(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(_metric(item) for item in value)
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_metric(item)}" for name, item in value.items())
+def _in_si(value: Any) -> str:
     if isinstance(value, bool):
         return number(value)
     return f"{value:.6g}" if isinstance(value, float) else f"{value}"
@@ -216,15 +212,13 @@ def warnings(run: FinishedRun) -> list[Warned]:
 
 
 def _bend(run: FinishedRun) -> str:
-    engines, given = run.engines, actuation(run)
-    law = run.designs[0].law
+    engines, law, at = run.engines, run.designs[0].law, actuation_text(run)
     if not engines:
         return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
     result = engines[0].result
     if result.stills:
-        return grasp_words(engines[0], given)
+        return grasp_words(engines[0], at)
     joints = result.final.joint_angles
-    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     load = payload_kg(run)
     under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
     name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
@@ -239,10 +233,9 @@ def _bend(run: FinishedRun) -> str:
     return f"{name} {'extends by' if slides else 'bends'} {size}{at}{under}{target}"
 
 
-def grasp_words(engine: EngineResult, given: tuple[str, float] | None) -> str:
-    """A task with contact: how the grasp went."""
+def grasp_words(engine: EngineResult, at: str) -> str:
+    """A task with contact: how the grasp went; `at` which actuation, in words."""
     measured = engine.result.metrics
-    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
     if not mode:
         return f"the scene was simulated{at}"

@@ -29,7 +29,7 @@ from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
 from pliant.report.fit_tables import axes_table, score_cells, score_heads
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.provenance import closing_sections, plain, stage_name
+from pliant.report.provenance import closing_sections, nested, plain, stage_name
 from pliant.report.run_view import distances_m, gravity_words, spread_sentence, study_form
 
 TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
@@ -247,16 +247,14 @@ def coefficients(design: DesignResult) -> str:
 
 def _metric(value: Any, unit: Unit) -> str:
     """A metric in a cell; points and tables stand in pictures and in run.json."""
-    if isinstance(value, list | tuple):
-        if any(isinstance(item, list | tuple) for item in value):
-            return f"{len(value)} entries, in run.json"
-        return ", ".join(_metric(item, unit) for item in value)
-    if isinstance(value, Mapping):
-        if any(isinstance(item, list | tuple) for item in value.values()):
-            return "in run.json"
-        return ", ".join(f"{key} {_metric(item, unit)}" for key, item in value.items())
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if not isinstance(value, int | float):
-        return "–" if value is None else str(value)
-    return number(value * unit.factor if unit.symbol else value, 6)
+    items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    if any(isinstance(item, list | tuple) for item in items):
+        return "in run.json" if isinstance(value, Mapping) else f"{len(value)} entries, in run.json"
+
+    def cell(one: Any) -> str:
+        if one is not None and not isinstance(one, int | float):
+            return str(one)
+        scaled = unit.symbol and one is not None and not isinstance(one, bool)
+        return number(one * unit.factor if scaled else one, 6)
+
+    return nested(value, cell)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.config.chain import ChainConfig
-from pliant.formatting import small_length
+from pliant.formatting import actuation_unit, small_length
 from pliant.pipeline.chain import base_rotation
 from pliant.records.chain import default_base_rotation
 from pliant.records.design import Array
@@ -61,6 +61,12 @@ def actuation(run: FinishedRun) -> tuple[str, float] | None:
     if not histories or not len(histories[0].actuation):
         return None
     return run.designs[0].law.actuation_name, float(histories[0].actuation[-1].max())
+
+
+def actuation_text(run: FinishedRun) -> str:
+    """`` at 15 kPa``, as a phrase goes on; empty without a task."""
+    given = actuation(run)
+    return f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
 
 
 def main_axis(law: JointLaw, data_axis: str = "y") -> int:

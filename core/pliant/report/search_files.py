@@ -32,6 +32,7 @@ from pliant.units import UNIT_SUFFIXES
 
 HISTORY, RESULT, BEST, EXPORTED = "history.csv", "optimize.json", "best.yaml", "optimizer"
 DESIGN = ("family", "chain", "material", "surrogate")
+EFFORT = ("evaluations", "simulations", "refused", "failed", "stopped", "wall_s")  # as the record has them
 MOST_ROWS = 20_000
 
 
@@ -48,15 +49,10 @@ def search_json(result: SearchResult, engine: str) -> dict[str, Any]:
             zip(result.objectives, ["max" if m else "min" for m in result.maximised], strict=True)
         ),
         "variables": [vars(variable) for variable in result.variables],
-        "branches": [dict(values) for values in result.branches],
-        "evaluations": result.evaluations,
-        "simulations": result.simulations,
-        "refused": dict(result.refused),
-        "failed": dict(result.failed),
-        "stopped": result.stopped,
-        "wall_s": result.wall_s,
+        "branches": result.branches,
+        **{name: getattr(result, name) for name in EFFORT},
         "slopes": [vars(slope) for slope in result.slopes],
-        "limits": list(result.limits),
+        "limits": result.limits,
         "verified": _verified_json(result.verification, engine),
         "robustness": _robustness_json(result),
         "history": _history_json(result),
@@ -65,35 +61,21 @@ def search_json(result: SearchResult, engine: str) -> dict[str, Any]:
 
 def _design_json(design: FoundDesign) -> dict[str, Any]:
     """Settings parted into what is built and how it is driven."""
-    built = {key: value for key, value in design.settings.items() if key.partition(".")[0] in DESIGN}
-    return {
-        "design": built,
-        "controls": {key: value for key, value in design.settings.items() if key not in built},
-        "values": dict(design.values),
-        "objectives": dict(design.objectives),
-        "metrics": dict(design.metrics),
-        "conditions": {name: dict(metrics) for name, metrics in design.conditions.items()},
-        "branch": design.branch,
-        "context": design.context,
-        "number": design.number,
-        **({"objectives_before": dict(design.first)} if design.first else {}),
-    }
+    found = dict(vars(design))
+    settings, before = found.pop("settings"), found.pop("first")
+    built = {key: value for key, value in settings.items() if key.partition(".")[0] in DESIGN}
+    controls = {key: value for key, value in settings.items() if key not in built}
+    again = {"objectives_before": before} if before else {}
+    return {"design": built, "controls": controls, **found, **again}
 
 
 def _verified_json(check: Verification | None, engine: str) -> dict[str, Any] | None:
     """The metrics of the study's engine, and beside them everything that the check found."""
     if check is None:
         return None
-    return {
-        **check.verified.get(engine, {}),
-        "engines": {name: dict(metrics) for name, metrics in check.verified.items()},
-        "predicted": {name: dict(metrics) for name, metrics in check.predicted.items()},
-        "conditions": check.conditions,
-        "laws": [dict(law) for law in check.laws],
-        "fem_wall_s": check.fem_wall_s,
-        "wall_s": check.wall_s,
-        "notes": list(check.notes),
-    }
+    found = dict(vars(check))
+    engines = found.pop("verified")
+    return {**engines.get(engine, {}), "engines": engines, **found}
 
 
 def _robustness_json(result: SearchResult) -> dict[str, Any] | None:

@@ -157,8 +157,8 @@ def _history_picture(read: SearchView) -> Picture:
     lines = "moving medians of each condition" if read.contextual else "the best so far"
     caption = (
         f"{read.objective.unit.label} of every candidate in the order of evaluation, {read.objective.best_word}. The "
-        f"lines are {lines}; ticks at the upper rim are candidates without an objective (many: shaded by their share), dots "
-        "at the edges lie beyond them."
+        f"lines are {lines}; ticks at the upper rim are candidates without an objective (many: shaded by their share), "
+        "dots at the edges lie beyond them."
     )
     return Picture("search_history", capital(caption), search_history(read))
 

@@ -361,6 +361,6 @@ def price(read: SearchView) -> str:
     size, by = (objective.unit.attached(number(abs(v), 3)) for v in (cost, gain))
     of = f"{size} of {objective.unit.label}" if cost > 0 else "nothing"
     return unbroken(
-        f"Being robust costs {of} where nothing deviates ({a} of the nominal design, {b} of the robust one) and {'improves' if gain > 0 else 'does not improve'} {over}"
-        f"{f' by {by}' if gain > 0 else ''} ({c} against {d})."
+        f"Being robust costs {of} where nothing deviates ({a} of the nominal design, {b} of the robust one) and "
+        f"{'improves' if gain > 0 else 'does not improve'} {over}{f' by {by}' if gain > 0 else ''} ({c} against {d})."
     )

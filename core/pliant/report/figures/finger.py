@@ -17,6 +17,7 @@ from pliant.report.figures.stills import FLAT, draw_side
 from pliant.report.folder import EngineResult, FinishedRun
 from pliant.report.run_view import (
     actuation,
+    actuation_text,
     base_pose,
     chain_config,
     distances_m,
@@ -124,10 +125,8 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     inset.tick_params(labelsize=8)
     inset.xaxis.label.set_size(8)
     inset.xaxis.set_label_position("top")
-    given = actuation(run)
-    pressure = actuation_unit(given[0]).text(given[1]) if given else ""
     count = len(bodies.path) - 1
-    axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and at {pressure}")
+    axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and{actuation_text(run)}")
 
 
 def finger_camera(run: FinishedRun) -> rendering.Camera:
@@ -194,10 +193,8 @@ def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool
     axes.margins(0.1)
     style.world_labels(axes, plane)
     _annotate(axes, run, engines[0], plane)
-    given = actuation(run)
-    title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     if legend:
-        axes.set_title(f"Settled pose{title}")
+        axes.set_title(f"Settled pose{actuation_text(run)}")
         axes.legend(loc="best", handlelength=2.6)
 
 
