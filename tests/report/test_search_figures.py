@@ -32,7 +32,6 @@ from pliant.report.figures.search_course import (
     search_history,
     shown_range,
 )
-from pliant.report.search_files import Drawing
 from pliant.report.search_view import SearchView, log_suits, short_labels
 
 
@@ -121,7 +120,7 @@ def test_figures_exist_for_what_the_record_has() -> None:
     assert bytes(search_history(nothing)[:4]) == b"\x89PNG"
     assert search_designs(()) is None
     for make in (samples.curved, samples.grasped):
-        shown = [Drawing.of(make(f"design {k}")) for k in (1, 2)]
+        shown = [make(f"design {k}") for k in (1, 2)]
         alone, both = search_designs(shown[:1]), search_designs(shown)
         assert alone is not None and both is not None and len(both) > len(alone)
         assert (shown[0].rest_m is None) == (make is samples.grasped)

@@ -36,7 +36,8 @@ def told(tip: np.ndarray, failed: int = 0) -> dict[str, Any]:
 @pytest.fixture
 def run(kit: SimpleNamespace) -> Any:
     whole = kit.full_run()
-    return replace(whole, uncertainty=told(whole.engines[0].result.final.tip_m))
+    bodiless = replace(whole.designs[0], fem=kit.dataset(shapes=False))
+    return replace(whole, designs=(bodiless,), uncertainty=told(whole.engines[0].result.final.tip_m))
 
 
 def test_intervals_are_those_of_the_record(run: Any) -> None:

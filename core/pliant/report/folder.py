@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -270,8 +271,15 @@ def _replace_copy(source: Path, target: Path) -> None:
             return
     except (CorruptedError, UserError):
         pass
+    with replaced_folder(target) as fresh:
+        shutil.copytree(source, fresh)
+
+
+@contextmanager
+def replaced_folder(target: Path) -> Iterator[Path]:
+    """The path of a new folder, which takes the place of `target` as a whole."""
     fresh = target.with_name(target.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
-    shutil.copytree(source, fresh)
+    yield fresh
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)

@@ -16,7 +16,7 @@ from pliant.records.search import FoundDesign, SearchResult, Slope
 from pliant.report import render
 from pliant.report.document import Document, Drawn, Warned, capital
 from pliant.report.fem_view import LISTED
-from pliant.report.search_files import Drawing, DrawnDesign, read_search, search_json, write_search
+from pliant.report.search_files import DrawnDesign, read_search, search_json, write_search
 from pliant.report.search_view import SearchView, price
 from pliant.search.problem.names import acts, unit_of_metric, unit_of_objective
 from pliant.store.store import write_atomically, writing_in
@@ -48,9 +48,8 @@ def write_search_page(
     Raises:
         UserError: the folder cannot be written.
     """
-    drawings = [Drawing.of(one) for one in drawn]
-    write_search(folder, study.canonical(), result, drawings)
-    return _write(folder, study.canonical(), result, drawings)
+    write_search(folder, study.canonical(), result, drawn)
+    return _write(folder, study.canonical(), result, drawn)
 
 
 def rebuild_search_page(folder: Path) -> Path:
@@ -58,7 +57,9 @@ def rebuild_search_page(folder: Path) -> Path:
     return _write(folder, *read_search(folder))
 
 
-def _write(folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[Drawing]) -> Path:
+def _write(
+    folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[DrawnDesign]
+) -> Path:
     html = render.page(search_document(study, result, drawn)).html
     with writing_in(folder):
         write_atomically(folder / PAGE, html)
@@ -66,7 +67,7 @@ def _write(folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: 
 
 
 def search_document(
-    study: Mapping[str, Any], result: SearchResult, designs: Sequence[Drawing] = (), engine: str = ""
+    study: Mapping[str, Any], result: SearchResult, designs: Sequence[DrawnDesign] = (), engine: str = ""
 ) -> Document:
     """The document of `pliant optimize`.
 

@@ -23,7 +23,7 @@ from pliant.report.figures.search_course import branch_strip, search_front, sear
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.style import Png
 from pliant.report.provenance import input_table
-from pliant.report.search_files import Drawing
+from pliant.report.search_files import DrawnDesign
 from pliant.report.search_view import (
     NO_RESULT,
     Axis,
@@ -39,7 +39,7 @@ MOST_BRANCHES = 10
 MOST_METRICS = 12
 
 
-def search_drawn(read: SearchView, designs: Sequence[Drawing]) -> Drawn:
+def search_drawn(read: SearchView, designs: Sequence[DrawnDesign]) -> Drawn:
     """The best designs in their ranges on top, the history where there are none; then all that the record has."""
     marks = "Marks are the best designs" if len(read.result.best) > 1 else "The mark is the best design"
     caption = (
@@ -163,7 +163,7 @@ def _history_picture(read: SearchView) -> Picture:
     return Picture("search_history", capital(caption), search_history(read))
 
 
-def _designs(designs: Sequence[Drawing]) -> Section | None:
+def _designs(designs: Sequence[DrawnDesign]) -> Section | None:
     """The designs as they settle or grasp."""
     if not designs:
         return None

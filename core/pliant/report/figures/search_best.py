@@ -14,13 +14,13 @@ from pliant.report.figures import style
 from pliant.report.figures.search_axes import variable_axis
 from pliant.report.figures.stills import SIDE, TOP, draw_still, outlines, upright_planes
 from pliant.report.figures.success_shares import Series, success_shares
-from pliant.report.search_files import Drawing
+from pliant.report.search_files import DrawnDesign
 from pliant.report.search_view import Axis, SearchView, measure_words, unit_of_measured
 
 MOST = 8
 
 
-def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
+def search_designs(drawn: Sequence[DrawnDesign]) -> style.Png | None:
     """A column per design, a row per view; None without designs."""
     shown = drawn[:MOST]
     if not shown:
@@ -52,7 +52,7 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
         return style.png(figure)
 
 
-def _draw(axes: Any, one: Drawing, plane: tuple[int, int]) -> None:
+def _draw(axes: Any, one: DrawnDesign, plane: tuple[int, int]) -> None:
     if one.result.stills:
         draw_still(axes, one.result.stills[-1], plane)
         return
@@ -73,7 +73,7 @@ def _draw(axes: Any, one: Drawing, plane: tuple[int, int]) -> None:
     line(markers[:1], "s", ms=9, color=style.INK)
 
 
-def _curve(one: Drawing, name: str) -> Array | None:
+def _curve(one: DrawnDesign, name: str) -> Array | None:
     points = one.result.metrics.get(name)
     return None if points is None else np.array(points, float)
 
