@@ -252,9 +252,10 @@ def _metric(value: Any, unit: Unit) -> str:
         return "in run.json" if isinstance(value, Mapping) else f"{len(value)} entries, in run.json"
 
     def cell(one: Any) -> str:
-        if one is not None and not isinstance(one, int | float):
+        if one is None or isinstance(one, bool):
+            return number(one)
+        if not isinstance(one, int | float):
             return str(one)
-        scaled = unit.symbol and one is not None and not isinstance(one, bool)
-        return number(one * unit.factor if scaled else one, 6)
+        return number(one * unit.factor if unit.symbol else one, 6)
 
     return nested(value, cell)

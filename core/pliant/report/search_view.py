@@ -179,7 +179,7 @@ class SearchView:
             [*self.result.history.metrics, *(n for d in self.result.best for n in d.metrics)]
         )
         metrics = {strip_unit_suffix(name): name for name in names}
-        found = []
+        found: list[Objective] = []
         for name, maximised in zip(self.result.objectives, self.result.maximised, strict=True):
             if metric := metrics.get(strip_unit_suffix(name), ""):
                 unit = unit_of_measured(metric)
