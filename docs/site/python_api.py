@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import pkgutil
@@ -75,15 +76,14 @@ def page(module: ModuleType) -> str:
 
 def defined_in(module: ModuleType, but: Sequence[int]) -> dict[str, Any]:
     """Classes and functions that a module defines and explains, without those with an id of `but`."""
-    return {
-        name: value
-        for name, value in vars(module).items()
-        if (inspect.isclass(value) or inspect.isfunction(inspect.unwrap(value)))
-        and value.__module__ == module.__name__
-        and value.__doc__
-        and not name.startswith("_")
-        and id(value) not in but
-    }
+    found = {}
+    for name, value in vars(module).items():
+        made_of = value.func if isinstance(value, functools.partial) else value
+        written = inspect.isclass(value) or inspect.isfunction(inspect.unwrap(made_of))
+        here = getattr(made_of, "__module__", None) == module.__name__ and made_of.__doc__
+        if written and here and not name.startswith("_") and id(value) not in but:
+            found[name] = value
+    return found
 
 
 def write_pages(app: Sphinx) -> None:
