@@ -94,7 +94,7 @@ def test_a_mirrored_energy_does_not_see_the_sign_of_the_side_axes() -> None:
 @pytest.mark.parametrize("mirror", [(1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)])
 def test_what_is_trained_is_what_is_evaluated(mirror: tuple[float, ...]) -> None:
     torch = pytest.importorskip("torch")
-    from pliant_plugins.meta_models.ridges import _Misfit
+    from pliant_plugins.meta_models.ridges import _RidgeMisfit
 
     family = random_family(3, np.array(mirror))
     random = np.random.default_rng(2)
@@ -108,10 +108,10 @@ def test_what_is_trained_is_what_is_evaluated(mirror: tuple[float, ...]) -> None
     states = ScaledStates(places, design, points, tau, gain, slope)
     names = ("inner", "inner_bias", "outer", "outer_bias", "ridges")
     leaves = {name: torch.tensor(getattr(family, name)) for name in names}
-    values, slopes = _Misfit(torch, states, family.mirror)(leaves)
+    values, slopes = _RidgeMisfit(torch, states, family.mirror)(leaves)
     assert float(values) < 1e-25
     assert float(slopes) < 1e-25
-    other = _Misfit(torch, replace(states, slope=1.1 * slope), family.mirror)(leaves)[1]
+    other = _RidgeMisfit(torch, replace(states, slope=1.1 * slope), family.mirror)(leaves)[1]
     assert float(other) > 1e-4
 
 
