@@ -13,8 +13,12 @@ def run(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_pliant_alone_does_not_import_gymnasium() -> None:
-    assert run("import sys, pliant; print('gymnasium' in sys.modules)") == "False"
+def test_pliant_configs_and_models_that_torch_trains_import_nothing_heavy() -> None:
+    """Torch and gymnasium are imported where something learns, and nowhere else."""
+    names = ("pliant", "pliant_plugins.optimizers.ppo.config")
+    names += ("pliant_plugins.meta_models.neural", "pliant_plugins.meta_models.coefficients")
+    heavy = ("torch", "stable_baselines3", "gymnasium")
+    assert run(f"import sys, {', '.join(names)}; print([m for m in {heavy} if m in sys.modules])") == "[]"
 
 
 def test_importing_both_makes_the_names_known_and_a_broken_package_is_a_warning() -> None:

@@ -72,7 +72,7 @@ def test_the_box_has_its_corners(tmp_path):
     assert {(0.0, -0.5), (LIMIT, -0.5), (0.0, 1.2), (LIMIT, 1.2), (0.0, 0.0)} <= places
 
 
-@pytest.mark.parametrize("after", [0, 1, 5, 9, 12])
+@pytest.mark.parametrize("after", [0, 5, 12])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, after):
     whole = run(Analytic(bellow(2)), tmp_path / "whole")
     first = Analytic(bellow(2), stop_after=after)
