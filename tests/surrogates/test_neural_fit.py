@@ -21,7 +21,7 @@ from pliant_plugins.surrogates.config import NeuralConfig
 
 torch = pytest.importorskip("torch", reason="pip install 'pliant[neural]'")
 from pliant_plugins.surrogates.neural.surrogate import Neural  # noqa: E402
-from pliant_plugins.surrogates.neural.training import Scales, States, System  # noqa: E402
+from pliant_plugins.surrogates.neural.training import ResidualSystem, Scales, States  # noqa: E402
 
 TABLE = Path(__file__).parents[2] / "examples/data/bellow_bending.csv"
 UNITS = 12
@@ -46,7 +46,7 @@ def test_jacobian_is_the_residuals_derivative(k: int) -> None:
     scales = Scales(np.array([5e3, *[0.1] * k]), np.array([5e3, *[0.3] * k]), np.arange(1.0, k + 1))
     seen = np.ones((2, n), bool)
     seen[1, :3] = False
-    system = System(torch, states, scales, 3, seen)
+    system = ResidualSystem(torch, states, scales, 3, seen)
     theta = system.start(3)
     theta = theta + 0.1 * torch.from_numpy(random.normal(size=theta.shape))
     jacobian, step = system.jacobian(theta).numpy(), 1e-6
