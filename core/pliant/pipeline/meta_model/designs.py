@@ -76,6 +76,19 @@ def trusted(data: ModuleData) -> NDArray[np.bool_]:
     return np.isin(data.status, TRUSTED)
 
 
+def scored_states(data: ModuleData) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Trusted states (n,), and for these (m, k) whether the effort about each axis counts in a law's scores.
+
+    Of lateral axes only states count that move them: where one is explored, or all axes are held.
+    """
+    keep = trusted(data)
+    counts = np.isfinite(data.tau[keep])
+    counts[:, [axis != data.main_axis for axis in data.axes]] &= (data.explored[keep] != data.main_axis)[
+        :, None
+    ]
+    return keep, counts
+
+
 def values_of(
     names: Sequence[str],
     box: Array,
