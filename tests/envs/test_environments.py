@@ -73,7 +73,7 @@ def test_the_target_is_reached_by_an_actuation(name):
     rise = iter(np.linspace(-1.0, 1.0, 81))
     _, rewards, infos = played(env, 5, lambda _: np.array([next(rise)], np.float32))
     length, errors = env.unwrapped.chain.length_m, np.array([info["error_m"] for info in infos[1:]])
-    np.testing.assert_allclose(rewards, -errors / length, atol=1e-9)
+    np.testing.assert_allclose(rewards, -errors / length, atol=1e-5)  # but for the cost of a changing action
     assert errors.min() < 0.05 * length < errors[0]
     env.close()
 
