@@ -85,6 +85,16 @@ def test_a_broken_component_is_reported_and_the_rest_still_runs() -> None:
         ({"example": {"gian": 1.1}}, "example_is_valid", "gian"),
         ({"implementation": f"{broken.__name__}.effect:Misspelt"}, None, "has no attribute 'gian'"),
         (
+            {"implementation": f"{broken.__name__}.effect:Misstated"},
+            None,
+            "GainConfig refuses its block: 'gian' is not a key of effect; did you mean 'gain'? Allowed: kind, gain",
+        ),
+        (
+            {"config": f"{broken.__name__}.effect:NarrowConfig"},
+            "config_keeps_the_bounds",
+            "less than or equal to 5",
+        ),
+        (
             {"implementation": f"{broken.__name__}.effect:NoSuch"},
             "implementation_fills_the_interface",
             "NoSuch",
@@ -99,6 +109,7 @@ def test_one_mistake_gives_one_failure_in_one_sentence(
     (failed,) = [o for o in outcomes if o.status == "failed"]
     assert check in (None, failed.name)
     assert says in failed.message and len(failed.message.splitlines()) == 1
+    assert "pydantic" not in failed.message
     assert check or any(o.message == f"it fails where '{failed.name}' does" for o in outcomes)
     with pytest.raises(CheckFailure) as failure:
         check_component(mistaken)
