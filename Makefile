@@ -93,14 +93,16 @@ study-gripper: $(VENV)/.dev examples/gripper_codesign/gripper_grid.csv  ## the p
 examples/gripper_codesign/gripper_grid.csv: | $(VENV)/.run  ## FEM of the designs behind its meta-model, where the table is missing
 	$(BIN)/python examples/gripper_codesign/make.py
 
-docs: $(VENV)/.run  ## the reference pages that are generated from the code
+docs: $(VENV)/.docs  ## the reference pages that are generated from the code, then the site in build/site; needs no network
 	$(BIN)/python docs/generate.py
+	$(BIN)/python -m sphinx --builder html --conf-dir docs/site --doctree-dir build/doctrees --fail-on-warning --keep-going --quiet . build/site
+	@echo "the site: build/site/index.html"
 
 freeze: $(VENV)/.dev
 	$(BIN)/python -m pip freeze --exclude-editable
 
 clean:
-	rm -rf $(VENV) .pliant runs
+	rm -rf $(VENV) .pliant runs build docs/python
 
 $(VENV)/.python:
 	@test -n "$(PYTHON)" || { echo "Pliant needs Python 3.11 or later; none was found."; exit 1; }
@@ -113,6 +115,10 @@ $(VENV)/.run: $(VENV)/.python pyproject.toml constraints.txt
 
 $(VENV)/.bench: $(VENV)/.run
 	$(PIP_INSTALL) --editable '.[all,peers]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.run
+	$(PIP_INSTALL) --editable '.[all,docs]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run

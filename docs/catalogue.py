@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import sys
 from collections.abc import Sequence
 from typing import cast, get_args
 
@@ -18,8 +16,9 @@ INTRODUCTION = """\
 # Effect catalogue
 
 What a chain of joint laws may lack, where it acts, what gives it away in the data, and the run that shows it,
-beside [effects of your own](../write_an_effect.md). Pictures show a run that excites the effect; the dashed line is the
-model without it, the angle that of one joint unless the axis says otherwise (of eight joints for weights).
+beside [effects of your own](../write_an_effect.md). The page of each has its equation, its keys and a picture of a run
+that excites it; the dashed line is the model without it, the angle that of one joint unless the axis says otherwise
+(of eight joints for weights).
 
 A *strength* makes the effect vanish at its neutral value; a *shape* says when or how it acts, and its neutral value
 is a typical one. The *plausible* range holds the central 90 % of the prior: it would not surprise an expert. Bounds
@@ -45,29 +44,26 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| [{c.kind}](#{c.kind}) | {e.place} | {c.summary} | {_link(e.notes.look_alike)} | {_runs(e)} |"
+        f"| {_link(c.kind)} | {e.place} | {c.summary} | {_link(e.notes.look_alike)} | {_runs(e)} |"
         for c, e in effects
     ]
     head = "| kind | place | what it is | easily taken for | runs that show it |\n|---|---|---|---|---|"
-    parts = [INTRODUCTION, "\n".join([head, *rows])]
-    parts += [_section(component, effect) for component, effect in effects]
-    return "\n\n".join([*parts, *_menu(effects)]) + "\n"
+    return "\n\n".join([INTRODUCTION, "\n".join([head, *rows]), *_menu(effects)]) + "\n"
 
 
-def facts(component: Component, page: str = "") -> list[str]:
-    """Paragraphs: its parameters, what gives it away, what it is taken for, how and where it shows.
-
-    `page` is the address of the catalogue, for links from other pages.
-    """
+def facts(component: Component) -> list[str]:
+    """Paragraphs of an effect's page: where it acts, its parameters, what gives it away, how and where it shows."""
     effect: type[Effect] = component.implementation_class()
     notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
     rows = [_row(p, config.model_fields[p.name].description or "") for p in config.fit_parameters()]
     where = [f"**Makes sense for** {notes.where}"] if notes.where else []
     return [
+        f"It acts {PLACES[effect.place]}.",
         "\n".join([HEAD, *rows]),
         f"**What gives it away:** {_sentence(notes.signature)}",
-        f"**Easily taken for** {_link(notes.look_alike, page)}: {notes.told_apart}",
-        f"**To see it:** {_sentence(notes.excited_by)} Runs of the [menu]({page}#runs-of-the-menu): {_runs(effect)}.",
+        f"**Easily taken for** {_link(notes.look_alike, '')}: {notes.told_apart}",
+        f"**To see it:** {_sentence(notes.excited_by)} "
+        f"Runs of the [menu](../effects.md#runs-of-the-menu): {_runs(effect)}.",
         *where,
     ]
 
@@ -85,20 +81,6 @@ def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
 
 def _runs(effect: type[Effect]) -> str:
     return ", ".join(f"`{name}`" for name in effect.exciting)
-
-
-def _section(component: Component, effect: type[Effect]) -> str:
-    kind = component.kind
-    title, _, text = (inspect.getdoc(sys.modules[effect.__module__]) or "").partition("\n\n")
-    return "\n\n".join(
-        [
-            f"## {kind}",
-            f"{title} Acts {PLACES[effect.place]}. Keys: [{kind}](effect/{kind}.md).",
-            f"![{kind}: the run that shows it](../pictures/effects/{kind}.png)",
-            text,
-            *facts(component),
-        ]
-    )
 
 
 def _row(parameter: EffectParameter, meaning: str) -> str:
@@ -123,5 +105,5 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _link(kind: str, page: str = "") -> str:
-    return f"[{kind}]({page}#{kind})" if kind else "nothing"
+def _link(kind: str, folder: str = "effect/") -> str:
+    return f"[{kind}]({folder}{kind}.md)" if kind else "nothing"

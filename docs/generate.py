@@ -49,10 +49,28 @@ STUDY_BLOCKS: dict[type[FrozenModel], str] = {
     VerifyConfig: "search.verify",
 }
 STUDY_INTRODUCTION = [
-    "YAML 1.2. A block with a `kind` belongs to that plugin: see its page. `physics: mujoco` is short for",
-    "`physics: {kind: mujoco}`. `extends: other.yaml` merges another study first; changing a block's `kind` clears",
-    "the block. On the command line, `key=value` overrides follow the file: `physics.kind=mujoco`,",
-    "`chain.modules=6`, `effects.0.factor=1.2`. `pliant schema` prints a JSON schema for editors.",
+    "YAML 1.2, with [units](../conventions.md#units) where you like; duplicate and unknown keys are errors. A block",
+    "with a `kind` belongs to that plugin, whose page lists the other keys; a kind alone (`physics: mujoco`) is a",
+    "block with defaults. `pliant schema` prints a JSON schema for editors.",
+    "",
+    "- `extends: other.yaml` merges another study first: blocks key by key, lists as a whole; another `kind` clears",
+    "  the block; `null` takes a block out. Paths are relative to the file that states them.",
+    "- `extends: {file: other.yaml, values_sha256: 5f0b1c64e1d2a7c3}` says in addition what the base held:",
+    "  [studies that Pliant writes](../extend_and_improve.md#extend).",
+    "- `key=value` after the file [on the command line](../command_line.md#every-verb) changes the study.",
+]
+FIRST_ON_THE_INDEX = [
+    "## Rules and formats",
+    "",
+    "- [Command line, results, tables](../command_line.md): options, exit codes, JSON keys, CSV columns.",
+    "- [Conventions](../conventions.md): frames, signs, units, with a figure.",
+    "- [Formats that others rely on](../formats.md): JSON keys that stay, where each other format is described.",
+    "",
+    "## Generated from the code",
+    "",
+    "- [Study file](study.md): every key of a study.",
+    "- [Effect catalogue](effects.md): what a model may lack, what gives it away, the run that shows it.",
+    "- [Python](../python.md): the commands as functions, records, what plugins may rely on.",
 ]
 INTERFACE_CLASS = {
     "family": "ActuatorFamily",
@@ -94,9 +112,7 @@ def _ours(registry: Registry, interface: str) -> list[Component]:
 
 
 def _index(registry: Registry) -> str:
-    lines = ["# Reference", "", "Generated from the code by `make docs`.", ""]
-    lines.append("- [Study file](study.md): every key of a study")
-    lines.append("- [Effect catalogue](effects.md): what a model may lack, and what gives it away")
+    lines = ["# Reference", "", *FIRST_ON_THE_INDEX]
     for interface in INTERFACES:
         kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
         lines.append(
@@ -211,10 +227,10 @@ def _usage(component: Component) -> list[str]:
 def _see_catalogue(component: Component) -> list[str]:
     if component.interface != "effect":
         return []
-    paragraphs = ["## In the data", *_catalogue().facts(component, "../effects.md")]
-    picture = f"![{component.kind}](../../pictures/effects/{component.kind}.png)"
-    beside = f"Beside the others: [effect catalogue](../effects.md#{component.kind})."
-    return [line for paragraph in (*paragraphs, picture, beside) for line in (paragraph, "")]
+    paragraphs = ["## In the data", *_catalogue().facts(component)]
+    picture = f"![{component.kind}: the run that shows it](../../pictures/effects/{component.kind}.png)"
+    others = "What the table and the picture mean, and the other effects: [effect catalogue](../effects.md)."
+    return [line for paragraph in (*paragraphs, picture, others) for line in (paragraph, "")]
 
 
 def _inner(model: type[FrozenModel]) -> list[str]:

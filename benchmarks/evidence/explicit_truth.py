@@ -31,7 +31,7 @@ STEP_S = 0.001
 RAMP_S, SETTLE_S = 4.0, 2.0
 
 
-@njit
+@njit(cache=True)
 def _advance(
     state: Array,
     dt: float,
@@ -58,7 +58,7 @@ def _advance(
     state[1] += 0.5 * dt * state[2]
 
 
-@njit
+@njit(cache=True)
 def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms) -> tuple[Array, float]:
     """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
     count = len(inputs.pressure)

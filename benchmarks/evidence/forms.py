@@ -33,11 +33,14 @@ Nothing is cached on disk: numba's cache of one file does not see that another f
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from benchmarks.evidence.robots import B_E, K_N, M_A, M_E, PRESSURE_MAX_PA, Array
 from numba import njit
+
+from pliant_plugins.physics.compiled import discard_stale
 
 TYPICAL_ANGLE_RAD = 0.36
 ROOM_C = 22.0
@@ -64,7 +67,7 @@ class Drive(NamedTuple):
     wrap_rad: float
 
 
-@njit
+@njit(cache=True)
 def with_wrap(d: Drive, wrap: float) -> Drive:
     """The drive of a joint further along the tendon."""
     return Drive(
@@ -142,13 +145,13 @@ class Forms(NamedTuple):
     buckling_at: float = 0.5
 
 
-@njit
+@njit(cache=True)
 def softplus(x: float) -> float:
     """log(1 + e^x) without overflow."""
     return x if x > 30.0 else math.log1p(math.exp(x))
 
 
-@njit
+@njit(cache=True)
 def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, f: Forms) -> float:
     """The pressure in the chamber after dt; `supply` (2,), both stages, is advanced.
 
@@ -168,7 +171,7 @@ def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, 
     return supply[1] - f.leak_filling_s * outflow(supply[1], f)
 
 
-@njit
+@njit(cache=True)
 def through_orifice(gap: float, dt: float, time: float, linear: float) -> float:
     """What is left after dt of a difference of pressures, Pa: the exact solution of
 
@@ -185,7 +188,7 @@ def through_orifice(gap: float, dt: float, time: float, linear: float) -> float:
     return math.copysign(left * math.exp(-dt * rate / math.sqrt(linear)), gap)
 
 
-@njit
+@njit(cache=True)
 def outflow(pressure: float, f: Forms) -> float:
     """What a chamber loses, Pa/s."""
     if f.leak_1_s <= 0.0 or pressure <= 0.0:
@@ -193,7 +196,7 @@ def outflow(pressure: float, f: Forms) -> float:
     return f.leak_1_s * PRESSURE_MAX_PA * (pressure / PRESSURE_MAX_PA) ** f.leak_power
 
 
-@njit
+@njit(cache=True)
 def acting(pressure: float, f: Forms) -> float:
     """The pressure that acts, of the pressure in the tube."""
     p = pressure + f.offset_pa * (1.0 - f.offset_fading * pressure / PRESSURE_MAX_PA)
@@ -203,14 +206,14 @@ def acting(pressure: float, f: Forms) -> float:
     return p
 
 
-@njit
+@njit(cache=True)
 def relaxed(q: float, step: float, dt: float, time: float) -> float:
     """A Maxwell branch's stretch after a straight step: the exact solution of q' = u' − q/T."""
     x = dt / time
     return q * math.exp(-x) - step * math.expm1(-x) / x
 
 
-@njit
+@njit(cache=True)
 def bouc_wen(z: float, step: float) -> float:
     """The hysteretic variable in [−1, 1] after a step of widths: dz/du = 1 − z² while loading, 1 while unloading."""
     way = 1.0 if step >= 0.0 else -1.0
@@ -223,7 +226,7 @@ def bouc_wen(z: float, step: float) -> float:
     return way * z
 
 
-@njit
+@njit(cache=True)
 def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
     """Friction in shares of its limit; writes the elements' memory."""
     width = f.friction_width
@@ -238,7 +241,7 @@ def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
     return total
 
 
-@njit
+@njit(cache=True)
 def wraps(angles: Array, module: Array, f: Forms) -> Array:
     """(n,) how far the tendon has turned up to the middle of each joint."""
     turned, out = 0.0, np.zeros(len(angles))
@@ -250,7 +253,7 @@ def wraps(angles: Array, module: Array, f: Forms) -> Array:
     return out
 
 
-@njit
+@njit(cache=True)
 def effort(
     u: float,
     step: float,
@@ -319,7 +322,7 @@ def effort(
     return moment
 
 
-@njit
+@njit(cache=True)
 def healed(memory: Array) -> None:
     """What heals in time has healed: relaxed branches; friction and damage stay, in place, (n, N_MEMORY)."""
     memory[:, MAXWELL:FRICTION] = 0.0
@@ -328,3 +331,7 @@ def healed(memory: Array) -> None:
 def virgin(modules: int) -> Array:
     """(n, N_MEMORY) memory of a new specimen."""
     return np.zeros((modules, N_MEMORY))
+
+
+# Machine code of the truths holds forms and constants of other files, whose changes numba does not see.
+discard_stale(Path(effort.stats.cache_path), tuple(Path(__file__).parent.glob("*.py")))

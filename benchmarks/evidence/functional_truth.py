@@ -74,14 +74,14 @@ def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
     return Inputs(run.time_s, run.pressure_pa, run.moment_n_m, run.valve, gravity, run.temperature_c, clock_s)
 
 
-@njit
+@njit(cache=True)
 def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
     """A share of the run's first inputs: of the ramp on which a run starts from straight."""
     pressure, load = share * inputs.pressure[0], share * inputs.load[0]
     return Drive(pressure, 0.0, inputs.temperature, load, 0.0, inputs.clock, cycles, 0.0)
 
 
-@njit
+@njit(cache=True)
 def driven(
     inputs: Inputs, i: int, share: float, lead: float, dt: float, supply: Array, cycles: float, f: Forms
 ) -> Drive:
@@ -95,27 +95,27 @@ def driven(
     return Drive(chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0)
 
 
-@njit
+@njit(cache=True)
 def cycles_of(inputs: Inputs, i: int, parts: int) -> float:
     """Cycles of the largest pressure that are done in each part of the way to sample i."""
     return abs(inputs.pressure[i] - inputs.pressure[i - 1]) / parts / (2.0 * PRESSURE_MAX_PA)
 
 
-@njit
+@njit(cache=True)
 def _cross(a: Array, b: Array, out: Array) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit
+@njit(cache=True)
 def _along(rotation: Array, r: int, vectors: Array, j: int) -> float:
     """Component r of the turned vector j."""
     turned = rotation[r, 0] * vectors[j, 0]
     return turned + rotation[r, 1] * vectors[j, 1] + rotation[r, 2] * vectors[j, 2]
 
 
-@njit
+@njit(cache=True)
 def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Array) -> None:
     """Moments (n,) of the weights about each hinge, and their derivatives (n, n)."""
     n = len(u)
@@ -157,7 +157,7 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
             slopes[j, k] = slopes[k, j] = value
 
 
-@njit
+@njit(cache=True)
 def own(
     j: int, u: float, step: float, dt: float, drive: Drive, old: Array, new: Array, bones: Bones, f: Forms
 ) -> float:
@@ -167,7 +167,7 @@ def own(
     return effort(u, step, dt, drive, old, new, f)
 
 
-@njit
+@njit(cache=True)
 def _solve(
     u: Array,
     before: Array,
@@ -227,7 +227,7 @@ def _solve(
     return largest < TOLERANCE_RAD
 
 
-@njit
+@njit(cache=True)
 def _follow(
     inputs: Inputs, bones: Bones, memory: Array, cycles: float, longest: float, f: Forms
 ) -> tuple[Array, float, bool]:

@@ -77,7 +77,7 @@ def _numbers(values: Array) -> str:
     return " ".join(f"{value:.9e}" for value in values)
 
 
-@njit
+@njit(cache=True)
 def _advance(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],
@@ -107,7 +107,7 @@ def _advance(
         memory[j, :] = new[j]
 
 
-@njit
+@njit(cache=True)
 def _follow(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],

@@ -18,15 +18,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
+from benchmarks.families.published_y import free_curve, solver_of
 from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
-from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.newton import Control, Equilibrium
+from pliant_plugins.fem.newton import Control, FemEquilibrium
 from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.manifest import FINGER
 
@@ -62,17 +61,16 @@ def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, 
     states = [model.rest()]
     for pressure in FREE_PA:
         states.append(model.free(pressure, states[-1]))
-    points = [
-        (s.actuation / MU_PA, s.angle_rad / 2, -MU_PA * s.dmoment_dp / s.dmoment_du / 2) for s in states
-    ]
-    curve = CubicHermiteSpline(*zip(*points, strict=True))
+    curve = free_curve(states, MU_PA)
     free = published.rows(published.force == 0)
 
     def error(mu: float) -> float:
-        return rms(curve(free.pressure / mu) - free.angle) / rms(free.angle)
+        return rms(curve(free.pressure / mu) / 2 - free.angle) / rms(free.angle)
 
     best = minimize_scalar(error, bounds=(210e3, 285e3), method="bounded")
-    share = (curve(free.pressure / best.x) / np.where(free.angle == 0, np.nan, free.angle))[[2, 10, 20, 30]]
+    share = (curve(free.pressure / best.x) / 2 / np.where(free.angle == 0, np.nan, free.angle))[
+        [2, 10, 20, 30]
+    ]
     found = {"mu_pa": float(best.x), "rms": float(best.fun), "ratio": share.tolist()}
     return {"refinement": refinement, "dilatation": dilatation, **found}
 
@@ -87,7 +85,7 @@ def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: 
     return np.array(angles)
 
 
-def under_force(model: SkfemSolver, start: Equilibrium, force: float, height: float) -> Equilibrium:
+def under_force(model: SkfemSolver, start: FemEquilibrium, force: float, height: float) -> FemEquilibrium:
     """Equilibrium under one force: its efforts on θ and e follow the angle until both agree; half is solved."""
     nothing = np.zeros(2, bool)
     here, before = start, np.inf

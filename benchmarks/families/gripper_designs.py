@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
+from benchmarks.families.published_y import free_curve, solver_of
 from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
@@ -36,7 +36,7 @@ def published_angle(row: dict[str, float]) -> float:
     return float(min(r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0))
 
 
-def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
+def curve_of(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
     """u(p/μ) of a design and the number of states in self-contact. Raises `StateNotConvergedError`."""
     names = {"inner_radius": "r", "average_radius": "R", "wall": "t", "module_length": "l"}
     lengths = {name: row[letter] / 1e3 for name, letter in names.items()}
@@ -45,9 +45,7 @@ def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
     states = [solver.rest()]
     for level in LEVELS:
         states.append(solver.free(1e3 * PRESSURE_KPA * level, states[-1]))
-    points = [(s.actuation / MU_PA, s.angle_rad, -MU_PA * s.dmoment_dp / s.dmoment_du) for s in states]
-    curve = CubicHermiteSpline(*zip(*points, strict=True))
-    return curve, sum(s.status == "self_contact" for s in states)
+    return free_curve(states, MU_PA), sum(s.status == "self_contact" for s in states)
 
 
 def main() -> None:
@@ -65,7 +63,7 @@ def main() -> None:
     solved, failed = [], []
     for number, row in enumerate(rows):
         try:
-            solved.append((row, *free_curve(row)))
+            solved.append((row, *curve_of(row)))
         except (InvalidDesignError, StateNotConvergedError) as error:
             failed.append({**_design(row), "cause": str(error)})
         print(f"\r{number + 1}/{len(rows)} designs, {time.perf_counter() - begun:.0f} s", end="", flush=True)

@@ -6,17 +6,18 @@ states, solved at μ₀, serves every modulus.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from benchmarks.output import REFERENCE, reference_table
-from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, RectBivariateSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.errors import NotReachedError
 from pliant.records.design import Array
-from pliant.records.fem import ModuleProblem
+from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
@@ -101,6 +102,12 @@ def table_of(problem: ModuleProblem) -> Table:
         state = solver.free(pressure, state)
         free.append((pressure, state.angle_rad / 2))
     return Table(moments, *np.array(free).T)
+
+
+def free_curve(states: Sequence[FemState], mu_pa: float = 1.0) -> CubicHermiteSpline:
+    """u over p/μ through free states and their slopes: u depends on p/μ alone, so that one curve serves every μ."""
+    points = [(s.actuation / mu_pa, s.angle_rad, -mu_pa * s.dmoment_dp / s.dmoment_du) for s in states]
+    return CubicHermiteSpline(*zip(*points, strict=True))
 
 
 def relative_rms(model: Array, data: Array) -> float:

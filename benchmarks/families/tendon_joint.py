@@ -28,7 +28,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
+from benchmarks.families.published_y import free_curve, solver_of
 from benchmarks.output import REFERENCE, parser_of, reference_table, write
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
@@ -192,8 +192,7 @@ class Joint:
                 break
             if states[-1].angle_rad > STEEPEST_RAD:
                 break
-        points = [(s.actuation, s.angle_rad, -s.dmoment_dp / s.dmoment_du) for s in states]
-        return CubicHermiteSpline(*zip(*points, strict=True))
+        return free_curve(states)
 
 
 def fit(joint: Joint, data: Published) -> Fitted:

@@ -16,11 +16,8 @@ measured counts: it moves every value by as little as explains them. Nothing her
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +28,8 @@ from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr, ndtri
 from scipy.stats import qmc, spearmanr
 
+from pliant.execution.executors import executor_for
+from pliant.execution.jobs import JobQueue
 from pliant.records.design import Array
 
 TABLE = REFERENCE / "grasp_experiment.csv"
@@ -187,6 +186,9 @@ def main() -> None:
     runs.save(result)
 
 
+Run = tuple[Mapping[str, float], Cell, int]  # a set of values, a cell, trials
+
+
 class Runs:
     """Successes and mean rises by set and cell, kept in the output file while the code is the same."""
 
@@ -195,15 +197,14 @@ class Runs:
         earlier = read("grasp_experiment")
         self.found: dict[str, Any] = earlier.get("runs", {}) if earlier.get("code") == self.code else {}
 
-    def prepare(self, wanted: Sequence[tuple[Mapping[str, float], Cell, int]]) -> None:
+    def prepare(self, wanted: Sequence[Run]) -> None:
         """Simulate what is not known yet, in a process for each core."""
         missing = {key_of(*one): one for one in wanted if key_of(*one) not in self.found}
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-            futures = {pool.submit(simulate, *one): key for key, one in missing.items()}
-            for done, future in enumerate(as_completed(futures), 1):
-                self.found[futures[future]] = future.result()
-                if done % 20 == 0 or done == len(futures):
-                    print(f"  simulated {done} of {len(futures)} cells", flush=True)
+        with executor_for(None, len(missing)) as executor, JobQueue(executor, simulate) as queue:
+            for done, one in enumerate(queue.each([*missing.values()]), 1):
+                self.found[key_of(*one.item)] = one.unwrap()
+                if done % 20 == 0 or done == len(missing):
+                    print(f"  simulated {done} of {len(missing)} cells", flush=True)
                     self.save({})
 
     def cell(self, setup: Mapping[str, float], cell: Cell, trials: int) -> dict[str, float]:
@@ -249,8 +250,9 @@ def most_probable(runs: Runs, egg: Sequence[Cell], sets: int, trials: int) -> tu
     return mode, covariance
 
 
-def simulate(setup: Mapping[str, float], cell: Cell, trials: int) -> dict[str, float]:
-    """One cell in MuJoCo; the same seed in every cell and set, so that differences are those of the set."""
+def simulate(run: Run) -> dict[str, float]:
+    """Trials of a cell in MuJoCo; the same seed in every cell and set, so that differences are those of the set."""
+    setup, cell, trials = run
     chain = finger(f"material.shear_modulus={setup['shear_modulus']:g}")
     height = {"egg": 0.065, "cylinder": 0.035}[cell.object]
     item: dict[str, Any] = {"shape": cell.object}

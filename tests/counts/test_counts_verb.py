@@ -27,12 +27,12 @@ def call(tmp_path, monkeypatch):
 
 
 def test_counts_are_simulated_compared_and_kept(call, tmp_path):
-    result = call("compare", "study.yaml", "measurements.trials=6", "--json", "first.json", "--out", "page")
+    result = call("compare", "study.yaml", "measurements.trials=3", "--json", "first.json", "--out", "page")
     assert result.exit_code == 0, result.stderr
     found = json.loads((tmp_path / "first.json").read_text())
     assert found["command"] == "compare" and found["n_samples"] == 40
     egg, cylinder = found["conditions"]
-    assert (egg["simulated_successes"], egg["disagrees"]) == (6, False)
+    assert (egg["simulated_successes"], egg["disagrees"]) == (3, False)
     assert (cylinder["simulated_successes"], cylinder["disagrees"]) == (
         0,
         True,
@@ -42,7 +42,7 @@ def test_counts_are_simulated_compared_and_kept(call, tmp_path):
     assert "differs" in (tmp_path / "page" / "report.html").read_text()
     stored = sorted((tmp_path / ".pliant" / "store" / "simulate").glob("*/value.json"))
     times = [file.stat().st_mtime_ns for file in stored]
-    again = call("compare", "study.yaml", "measurements.trials=6", "--json", "again.json", "--workers", 2)
+    again = call("compare", "study.yaml", "measurements.trials=3", "--json", "again.json", "--workers", 2)
     assert again.exit_code == 0 and len(stored) == 2
     assert [
         file.stat().st_mtime_ns for file in stored

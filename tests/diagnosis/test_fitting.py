@@ -110,10 +110,12 @@ def test_weights_leave_readings_out_of_the_cost() -> None:
 
 
 def test_nothing_is_the_model_as_it_is() -> None:
-    measurement = measured(CHAIN, poor())
-    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(EffectSet.of(REGISTRY, ()))
+    predictor = predictor_of(CHAIN, measured(CHAIN, poor()))
+    fit = fitter_of(predictor).fit(EffectSet.of(REGISTRY, ()))
     assert fit.slopes.shape == (len(fit.residual), 0)
-    assert fit.mean_square() == pytest.approx(1.0, abs=0.3)
+    pairs = zip(predictor.measurement.runs, predictor.predict(), strict=True)
+    noise = np.concatenate([run.outputs["angle_rad"] - model["angle_rad"] for run, model in pairs]) / SIGMA
+    assert fit.mean_square() == pytest.approx(np.mean(noise**2), rel=1e-12)
 
 
 class Brittle(Predictor):

@@ -8,6 +8,7 @@ from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
 from tests.diagnosis.quick import BENCH, colour, effect, measurement_of, ramp
 
 from pliant.diagnosis.improvement import improve
+from pliant.diagnosis.test_split import lock
 from pliant.report.improvement import summary
 
 FEW = ["stiffness", "viscoelastic", "sensor_bias", "mullins", "friction_hysteresis"]
@@ -30,8 +31,16 @@ def shifted(measurement, which, by_rad):
     return replace(measurement, runs=tuple(runs))
 
 
-def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(tmp_path):
-    found = improved(tmp_path, effect("viscoelastic"))
+@pytest.fixture(scope="module")
+def creeping(tmp_path_factory):
+    """A bench that creeps, and what was made of it."""
+    folder = tmp_path_factory.mktemp("creeping")
+    measurement = bench(folder, effect("viscoelastic"))
+    return study(folder), measurement, improve(BENCH, study(folder), measurement, kinds=FEW)
+
+
+def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
+    found = creeping[2]
     assert added(found) == ["viscoelastic"]
     assert found.stop == "nothing_missing"
     assert found.steps[0].added == () and found.steps[0].locked.over_floor > 1.4
@@ -74,12 +83,10 @@ def test_no_more_effects_than_asked_for(tmp_path):
     assert added(found) == [] and found.stop == "most_steps"
 
 
-def test_locked_readings_decide_nothing(tmp_path):
+def test_locked_readings_decide_nothing(creeping):
     """Nonsense in the runs that are put aside changes what is reported, never what is chosen."""
-    measurement = bench(tmp_path, effect("viscoelastic"))
-    first = improve(BENCH, study(tmp_path), measurement, kinds=FEW)
-    spoiled = shifted(measurement, first.locked.runs, 0.5)
-    second = improve(BENCH, study(tmp_path), spoiled, kinds=FEW)
+    model, measurement, first = creeping
+    second = improve(BENCH, model, shifted(measurement, first.locked.runs, 0.5), kinds=FEW)
     assert second.final.effects == first.final.effects
     assert second.steps[-1].locked.rmse["angle_rad"] > 10 * first.steps[-1].locked.rmse["angle_rad"]
 
@@ -94,8 +101,7 @@ def test_too_few_runs_to_lock_are_said(tmp_path):
 def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
     """A look-alike that training runs accept: the unseen condition tells, and the report says so plainly."""
     measurement = bench(tmp_path, effect("stiffness", factor=1.3))
-    unseen = improve(BENCH, study(tmp_path), measurement, kinds=FEW).locked.unseen
-    drifted = shifted(measurement, unseen, 0.03)
+    drifted = shifted(measurement, lock(measurement).unseen, 0.03)
     found = improve(BENCH, study(tmp_path), drifted, kinds=FEW)
     assert found.stop == "nothing_missing"
     assert any("still" in remark and "in no other run" in remark for remark in found.remarks)

@@ -19,11 +19,17 @@ from pliant.diagnosis.noise import (
 )
 from pliant.diagnosis.verdict import THRESHOLDS, judge
 from pliant.measurements.floors import Floor
+from pliant.measurements.highpass import CORRELATION
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.measurement import Measurement
 
-N = 400
+N = 6_000  # readings of a run: what the noise itself scatters by is then a few percent
 SCALES = {"angle_rad": 1.0}
+
+
+def three_sd(independent: float) -> float:
+    """Three relative standard deviations of a variance that so many independent readings estimate."""
+    return 3.0 * np.sqrt(2.0 / independent)
 
 
 def runs(conditions: int, repeats: int) -> Measurement:
@@ -40,19 +46,25 @@ def runs(conditions: int, repeats: int) -> Measurement:
 def view(
     conditions: int = 6, repeats: int = 2, *, phi: float, offset: float = 0.0, missed: float = 0.0
 ) -> NoiseView:
-    """Noise of unit standard deviation, offsets between runs, and what the model misses, alike in repeats."""
+    """Noise of unit standard deviation, ± an offset of repeats, and what the model misses, alike in repeats."""
     rng = np.random.default_rng(5)
     measurement = runs(conditions, repeats)
     residuals = []
     for k in range(len(measurement.runs)):
-        noise = colour(rng, N, 1.0, phi) + rng.normal(0, offset)
+        noise = colour(rng, N, 1.0, phi) + offset * (-1) ** k
         residuals.append({"angle_rad": noise + missed * np.sin(np.arange(N) / 20.0 + k // repeats)})
     return noise_view(measurement, residuals, SCALES, repeat_groups(measurement))
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.6, 0.9])
 def test_effective_readings_are_those_of_the_noise_s_colour(phi: float) -> None:
-    assert view(phi=phi).n_effective == pytest.approx(12 * N * (1 - phi) / (1 + phi), rel=0.3)
+    """The summed correlation scatters by √(2 (2 M + 1) / n), M lags long (Madras and Sokal 1988, appendix C)."""
+    free = 6 * N  # two repeats less their mean are one series
+    lags = (
+        -np.log(np.sqrt(free)) / np.log(phi) if phi else 1.0
+    )  # from there on the correlation is in the noise
+    tolerance = 3.0 * np.sqrt(2.0 * (2.0 * lags + 1.0) / free)
+    assert view(phi=phi).n_effective == pytest.approx(12 * N * (1 - phi) / (1 + phi), rel=tolerance)
 
 
 def test_what_the_model_misses_is_no_noise() -> None:
@@ -62,17 +74,20 @@ def test_what_the_model_misses_is_no_noise() -> None:
 
 
 def test_offsets_between_repeats_are_slip() -> None:
-    still, slipping = view(phi=0.6), view(phi=0.6, offset=3.0)
-    assert 1.0 <= still.between_run_scatter < 1.3
-    assert slipping.between_run_scatter == pytest.approx(np.sqrt(10.0), rel=0.4)
-    assert slipping.floor_square == pytest.approx(10.0, rel=0.7)
-    assert slipping.n_effective < 0.2 * still.n_effective
+    """Offsets of ± 3/√2 add 9 to the variance of 1; six differences tell it with 10² / (9²/6) degrees of freedom."""
+    still, slipping = view(phi=0.6), view(phi=0.6, offset=3.0 / np.sqrt(2.0))
+    assert still.between_run_scatter == 1.0
+    assert still.floor_square == pytest.approx(1.0, rel=three_sd(6 * N * (1 - 0.36) / (1 + 0.36)))
+    assert slipping.floor_square == pytest.approx(10.0, rel=0.02)
+    lower = 1.0 - 1.6449 / np.sqrt(2.0 * 100.0 / (81.0 / 6.0))
+    assert slipping.between_run_scatter == pytest.approx(np.sqrt(10.0) * lower, rel=0.02)
+    assert slipping.n_effective == pytest.approx(12 / 0.9, rel=0.02)  # nine tenths never change within a run
 
 
 def test_without_repeats_nothing_is_judged() -> None:
     alone = view(repeats=1, phi=0.0)
     assert not alone.judged and alone.between_run_scatter == 1.0
-    assert alone.floor_square == pytest.approx(1.0, rel=0.15)
+    assert alone.floor_square == pytest.approx(1.0, rel=three_sd(6 * N / CORRELATION))
     assert view(phi=0.0).judged
 
 
@@ -83,19 +98,20 @@ def test_the_unit_of_the_floor_is_the_scale() -> None:
         noise_view(measurement, residuals, {"angle_rad": scale}, repeat_groups(measurement)).floor_square
         for scale in (0.01, 0.005)
     )
-    assert one == pytest.approx(1.0, rel=0.1) and other == pytest.approx(4.0 * one)
+    assert one == pytest.approx(1.0, rel=three_sd(3 * N)) and other == pytest.approx(4.0 * one)
 
 
 def test_repeats_sampled_differently_and_runs_without_readings() -> None:
     """No crash, and the noise of the others still counts."""
-    histories = [ramp("a", 3e3, 0.5), ramp("b", 3e3, 0.25), ramp("c", 1e3, 0.5), ramp("d", 1e3, 0.5)]
+    histories = [ramp("a", 3e3, 0.02), ramp("b", 3e3, 0.01), ramp("c", 1e3, 0.02), ramp("d", 1e3, 0.02)]
     rng = np.random.default_rng(0)
     residuals = [{"angle_rad": rng.normal(size=len(h))} for h in histories]
     measurement = measurement_of(histories, residuals)
     residuals[1]["angle_rad"][:] = np.nan
     found = noise_view(measurement, residuals, SCALES, repeat_groups(measurement))
-    assert 10 < found.n_effective <= sum(map(len, histories)) - len(histories[1])
-    assert found.floor_square == pytest.approx(1.0, rel=0.5)
+    white = sum(map(len, histories)) - len(histories[1])
+    assert found.n_effective == pytest.approx(white, rel=3.0 * np.sqrt(6.0 / white))
+    assert found.floor_square == pytest.approx(1.0, rel=three_sd(len(histories[2])))
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9])
@@ -124,7 +140,9 @@ def test_deviations_from_the_mean_of_repeats_keep_the_scatter_of_one_run(repeats
     rng = np.random.default_rng(8)
     residuals = [{"angle_rad": rng.normal(0.0, 1.0, 20_000)} for _ in range(repeats)]
     found = _deviations(residuals, [RepeatGroup(tuple(range(repeats)), False)])
-    assert [np.std(run["angle_rad"]) for run in found] == pytest.approx([1.0] * repeats, rel=0.02)
+    assert [np.std(run["angle_rad"]) for run in found] == pytest.approx(
+        [1.0] * repeats, rel=three_sd(20_000) / 2
+    )
 
 
 # -- repeats that differ in proportion to what they read ----------------------------------------------

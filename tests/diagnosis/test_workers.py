@@ -31,7 +31,7 @@ class Far(InlineExecutor):
 
 def test_workers_change_nothing() -> None:
     chain = joint()
-    predictor = predictor_of(chain, measured(chain, rich(), effect("viscoelastic")))
+    predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
     far = Far()
     here, there = diagnose(predictor, kinds=KINDS), diagnose(predictor, kinds=KINDS, workers=far)
     assert far.calls >= len(KINDS) + 1

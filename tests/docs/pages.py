@@ -25,6 +25,11 @@ def commands(text: str) -> list[str]:
     return re.findall(r"^\$ pliant ([^#\n]*)", "\n".join(blocks(text, "console")), re.M)
 
 
+# A diagnosis asks for all effects by default, which takes its time; these stand in for them.
+FEW_EFFECTS = ("stiffness", "actuation_gain", "viscoelastic", "mullins", "dead_zone", "sensor_bias")
+ASK_FEW = tuple(word for kind in FEW_EFFECTS for word in ("--effect", kind))
+
+
 def run(command: str, *more: str) -> str:
     """What a command prints; it must succeed."""
     done = CliRunner().invoke(app, [*shlex.split(command), *more], env={"COLUMNS": "200"})

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from tests.docs.pages import blocks, commands, run, text_of
+from tests.docs.pages import ASK_FEW, blocks, commands, run, text_of
 
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import BenchScale
@@ -27,7 +27,7 @@ def test_after_data_it_chooses_the_runs_of_the_page(workplace) -> None:
 def test_the_runs_that_were_done_decide(workplace, monkeypatch) -> None:
     monkeypatch.chdir(workplace / "examples/next_experiment")
     (verdict,) = re.findall(r"^Missing: .*$", CONSOLE[1], re.M)
-    assert verdict in run(commands(PAGE)[1])
+    assert verdict in run(commands(PAGE)[1], *ASK_FEW)
 
 
 def test_before_data_it_begins_with_the_runs_of_the_page(workplace) -> None:

@@ -2,11 +2,13 @@
 
 import json
 import re
+from functools import partial
 from typing import get_args
 
 import pytest
-from tests.docs.pages import blocks, commands, run, text_of
+from tests.docs.pages import ASK_FEW, FEW_EFFECTS, blocks, commands, run, text_of
 
+from pliant import api
 from pliant.diagnosis.excitation import SEPARABLE
 from pliant.diagnosis.verdict import THRESHOLDS, Verdict
 
@@ -16,7 +18,7 @@ PAGE = text_of("which_effect")
 @pytest.fixture(scope="module")
 def found(workplace):
     """The JSON of the page's one command."""
-    said = run(commands(PAGE)[0], "--json", "found.json")
+    said = run(commands(PAGE)[0], *ASK_FEW, "--json", "found.json")
     found = json.loads((workplace / "found.json").read_text())
     assert found["report"] in said and (workplace / found["report"]).is_file()
     return found
@@ -49,6 +51,7 @@ def test_the_verdicts_and_thresholds_are_those_of_the_code():
         assert said in text, said
 
 
-def test_the_python_runs(workplace, capsys):
+def test_the_python_runs(workplace, capsys, monkeypatch):
+    monkeypatch.setattr(api, "diagnose", partial(api.diagnose, kinds=FEW_EFFECTS))
     exec(blocks(PAGE, "python")[0], {})
     assert capsys.readouterr().out.startswith("Missing: ")

@@ -12,36 +12,38 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import app
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "first_finger"
+TINY = ["fem.pressures=3", "fem.angles=3", "fem.check_states=2"]
 SMALL = ["fem.pressures=4", "fem.angles=5", "fem.check_states=4"]
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 
-def pliant(*arguments, cwd, check=True, **environment):
-    command = [sys.executable, "-m", "pliant", *map(str, arguments)]
-    env = {**os.environ, **{k: str(v) for k, v in environment.items()}}
-    result = subprocess.run(
-        command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False
-    )
-    assert not check or result.returncode == 0, result.stderr
-    return result
+def pliant(*arguments):
+    """A verb, called in this process."""
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    assert done.exit_code == 0, done.output
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """The two studies of `make demo`, with fewer states; shared by the tests of this file."""
-    folder = tmp_path_factory.mktemp("runs")
-    results = {}
-    for name in ("finger", "loaded"):
-        pliant("run", EXAMPLES / f"{name}.yaml", *SMALL, "--out", name, "--json", f"{name}.json", cwd=folder)
-        results[name] = json.loads((folder / f"{name}.json").read_text())
+    folder, results = tmp_path_factory.mktemp("runs"), {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name in ("finger", "loaded"):
+            pliant("run", EXAMPLES / f"{name}.yaml", *SMALL, "--out", name, "--json", f"{name}.json")
+            results[name] = json.loads((folder / f"{name}.json").read_text())
     return folder, results
 
 
-def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_twice(runs):
+def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_twice(runs, monkeypatch):
     folder, results = runs
+    monkeypatch.chdir(folder)
     for result in results.values():
         assert result["largest_marker_distance_m"] < 1e-6  # published: 4e-7
         skipped = {e["kind"]: e["skipped"] for e in result["cross_check"] if "skipped" in e}
@@ -57,35 +59,13 @@ def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_t
     page = (folder / "loaded" / "report.html").read_text()
     assert "loaded-finger" in page and 'src="http' not in page
     assert list((folder / "loaded" / "pictures").glob("*.png"))
-    pliant("run", EXAMPLES / "finger.yaml", *SMALL, "--out", "finger", "--json", "again.json", cwd=folder)
+    pliant("run", EXAMPLES / "finger.yaml", *SMALL, "--out", "finger", "--json", "again.json")
     again = json.loads((folder / "again.json").read_text())
     assert all(stage["cached"] for name in ("fem", "fit", "simulate") for stage in again[name]["stages"])
 
 
-def test_an_interrupted_fem_goes_on_where_it_was(tmp_path):
-    arguments = [sys.executable, "-m", "pliant", "fem", str(EXAMPLES / "finger.yaml"), *SMALL]
-    process = subprocess.Popen(arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    index = []
-    deadline = time.monotonic() + 120
-    while len(index) < 4 and time.monotonic() < deadline:
-        time.sleep(0.1)
-        found = list(tmp_path.glob(".pliant/store/fem/*.partial/states.json"))
-        index = json.loads(found[0].read_text()) if found else []
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "run the same command to go on" in " ".join(err.split())
-    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("*.csv"))
-    (partial,) = tmp_path.glob(".pliant/store/fem/*.partial")
-    kept = json.loads((partial / "states.json").read_text())
-    assert len(kept) >= 4
-    resumed = pliant("fem", EXAMPLES / "finger.yaml", *SMALL, "--json", "out.json", cwd=tmp_path)
-    assert f"going on from {len(kept)}/" in resumed.stderr
-    result = json.loads((tmp_path / "out.json").read_text())
-    assert result["n_states"] == 4 + 4 * 5 + 4
-
-
-def test_a_process_that_waits_goes_on_where_the_killed_one_stopped(tmp_path):
+def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_waits(tmp_path):
+    """SIGINT stops the first process, SIGKILL the second; the third has waited for the second and ends the table."""
     store = tmp_path / "my störe"
     call = [
         sys.executable,
@@ -93,38 +73,52 @@ def test_a_process_that_waits_goes_on_where_the_killed_one_stopped(tmp_path):
         "pliant",
         "fem",
         str(EXAMPLES / "finger.yaml"),
-        *SMALL,
+        *TINY,
         "--store",
         str(store),
     ]
-    places = [tmp_path / "first", tmp_path / "second"]
-    for place in places:
-        place.mkdir()
 
-    def start(place):
+    def start(name):
+        (tmp_path / name).mkdir()
         return subprocess.Popen(
-            call, cwd=place, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
-        )
+            [*call, "--json", "out.json"], cwd=tmp_path / name, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True, encoding="utf-8",
+        )  # fmt: skip
 
-    def finished_states():
-        found = list(store.glob("fem/*.partial/states.json"))
-        return json.loads(found[0].read_text()) if found else {}
+    def solved(process, least):
+        """How many states are finished, when there are as many as that."""
+        deadline = time.monotonic() + 300
+        while time.monotonic() < deadline and process.poll() is None:
+            found = list(store.glob("fem/*.partial/states.json"))
+            count = len(json.loads(found[0].read_text())) if found else 0
+            if count >= least:
+                return count
+            time.sleep(0.05)
+        raise AssertionError(process.communicate()[1])
 
-    first = start(places[0])
-    deadline = time.monotonic() + 120
-    while len(finished_states()) < 2 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    second = start(places[1])
+    first = start("first")
+    solved(first, 2)
+    first.send_signal(signal.SIGINT)
+    _, err = first.communicate(timeout=300)
+    assert first.returncode == 130, err
+    assert "run the same command to go on" in " ".join(err.split())
+    assert not list((tmp_path / "first").rglob("*.csv"))
+    (partial,) = store.glob("fem/*.partial/states.json")
+    interrupted = len(json.loads(partial.read_text()))
+    assert interrupted >= 2
+    second = start("second")
+    solved(second, interrupted + 1)
+    third = start("third")
     time.sleep(0.5)
-    first.kill()
-    first.communicate(timeout=60)
-    kept = finished_states()
-    assert len(kept) >= 2
-    _, err = second.communicate(timeout=300)
-    assert second.returncode == 0, err
+    second.kill()
+    assert f"going on from {interrupted}/" in second.communicate(timeout=60)[1]
+    kept = len(json.loads(partial.read_text()))
+    _, err = third.communicate(timeout=300)
+    assert third.returncode == 0, err
     assert "damaged" not in err
-    assert f"going on from {len(kept)}/" in err
-    assert (places[1] / "runs" / "first-finger" / "fem.csv").is_file()
+    assert f"going on from {kept}/" in err
+    assert json.loads((tmp_path / "third" / "out.json").read_text())["n_states"] == 3 + 3 * 3 + 2
+    assert (tmp_path / "third" / "runs" / "first-finger" / "fem.csv").is_file()
     (key,) = (p.name for p in (store / "fem").iterdir() if p.is_dir())
     assert {p.name for p in (store / "fem").iterdir()} == {key, f"{key}.lock"}
 
@@ -199,15 +193,16 @@ def test_editing_a_plugins_helper_recomputes_exactly_what_depends_on_it(tmp_path
     )
 
     def cached():
-        call = ["run", study, "--json", "out.json"]
-        pliant(*call, cwd=tmp_path, PYTHONPATH=edited_plugin.parent, PYTHONDONTWRITEBYTECODE=1)
+        paths = {"PYTHONPATH": f"{edited_plugin.parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+        call = [sys.executable, "-m", "pliant", "run", str(study), "--json", "out.json"]
+        env = {**os.environ, **paths, "PYTHONDONTWRITEBYTECODE": "1"}
+        subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, timeout=300, check=True)
         result = json.loads((tmp_path / "out.json").read_text())
         fit, simulation = (result[stage]["stages"][0]["cached"] for stage in ("fit", "simulate"))
         return fit, simulation, result["simulate"]["tip_m"]
 
-    assert cached()[:2] == (False, False)
     fit, simulation, before = cached()
-    assert (fit, simulation) == (True, True)
+    assert (fit, simulation) == (False, False)
     helper = edited_plugin / "helper.py"
     helper.write_text(helper.read_text().replace("factor * v", "factor * v * 1.1"))
     fit, simulation, after = cached()

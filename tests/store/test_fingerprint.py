@@ -6,7 +6,7 @@ import textwrap
 
 import pytest
 
-from pliant.store.fingerprint import code_closure, code_fingerprint, versions
+from pliant.store.fingerprint import _kept, code_closure, code_fingerprint, versions
 
 FILES = {
     "__init__.py": '"""A package."""\n',
@@ -145,3 +145,34 @@ def test_a_module_that_lies_alone_has_no_data(tmp_path, monkeypatch):
     before = code_fingerprint(["lonely_module"])
     (tmp_path / "data.json").write_text("1")
     assert code_fingerprint(["lonely_module"]) == before
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_what_is_kept_beside_the_byte_code_says_the_same(package, tmp_path, monkeypatch, torn):
+    before, closure = fingerprint(package), code_closure([f"{package.name}.family"])  # in memory, parsed
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "kept"))
+    _kept.cache_clear()
+    assert fingerprint(package) == before
+    files = [*(tmp_path / "kept").rglob("mesh.*.fingerprint")]
+    assert len(files) == 1
+    _kept.cache_clear()
+    with monkeypatch.context() as patch:
+        if torn:
+            files[0].write_text(files[0].read_text()[:70])
+        else:
+            patch.setattr("pliant.store.fingerprint.ast.parse", lambda source: pytest.fail("parsed again"))
+        assert fingerprint(package) == before and code_closure([f"{package.name}.family"]) == closure
+    (package / "mesh.py").write_text("VALUE = 3\n")
+    changed = fingerprint(package)
+    _kept.cache_clear()
+    assert fingerprint(package) == changed != before
+
+
+def test_an_attribute_of_a_module_does_not_run_it(package):
+    (package / "family.py").write_text("from .other import VALUE\n")
+    (package / "other.py").write_text("raise RuntimeError\nVALUE = 2\n")
+    assert f"{package.name}.other" in code_closure([f"{package.name}.family"])
+    (package / "other.py").write_text("VALUE = 3\n")
+    code_closure([f"{package.name}.family"])
+    assert f"{package.name}.other" not in sys.modules

@@ -13,12 +13,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.evidence import seal
+from benchmarks.evidence import oracle, run_bench, seal
 from benchmarks.evidence.judge import judge, reliability, summary, wilson
 from benchmarks.evidence.oracle import best, choice, mean_squares
 from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
@@ -32,6 +34,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
+from pliant.execution.executors import InlineExecutor, ProcessExecutor
 
 ROOT = Path(__file__).resolve().parents[2]
 KEY = bytes(range(32))
@@ -271,11 +274,12 @@ def test_a_plan_adds_two_runs_and_stops_where_none_is_proposed() -> None:
     assert Job("x", Task("poor", SetSpec("mullins", 0))).next_run(proposed) is None
 
 
-def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds() -> None:
+def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = np.linspace(0, 1, 50)
     assert best(lambda s: grid * (s - 0.7), 0.0, 5.0, 1.0) == pytest.approx(0.0, abs=1e-12)
     assert choice({CLEAN: 1.0, "mullins": 0.99}, 100) == CLEAN
     assert choice({CLEAN: 1.0, "mullins": 0.9, "leak": 0.8}, 100) == "leak"
+    monkeypatch.setattr(oracle, "KINDS", ("stiffness", "dead_zone", "mullins", "tendon_friction"))
     spec = SetSpec("dead_zone", 3, protocol="poor", snr=3.0)
     squares = mean_squares(spec, make_set(spec))
     assert choice(squares, 100) == "dead_zone"
@@ -317,64 +321,90 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
 
 
 NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
-THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, **NONE)  # type: ignore[arg-type]
+THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NONE)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
 def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bench's folder with its sets made: no other process needs to compile the truths."""
+    """A bench's folder with its sets made, of which the stand-in reads a head: no process compiles the truths."""
     made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
-    for task in THREE.tasks():
-        make(task, task.secret_id(made.key()), made.sets, made.key())
+    head = "run,specimen,time_s,pressure_pa,angle_rad\n"
+    one = SimpleNamespace(csv=head, study="surrogate: {kind: polynomial}\n", label=label_of("stiffness"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.evidence.sets.make_set", lambda spec, name: one)
+        for task in THREE.tasks():
+            make(task, task.secret_id(made.key()), made.sets, made.key())
     return made.folder
 
 
-def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
-    command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
-    command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
-    command += [word for name in NONE for word in (f"--{name}", "0")]
-    command += ["--other-every", "0", *more]
-    paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
-    return subprocess.Popen(
-        command, env=os.environ | paths, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+def words(out: Path, *more: str) -> list[str]:
+    found = ["--out", str(out), "--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness"]
+    found += ["--seeds", "3", "--other-every", "0", "--protocol", "poor", *more]
+    return found + [word for name in NONE for word in (f"--{name}", "0")]
 
 
-def test_a_killed_bench_goes_on_where_it_was(three_sets: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def bench(
+    three_sets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """What a bench over the three sets prints; it asks in this process."""
     shutil.copytree(three_sets, tmp_path / "evidence")
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.setattr(run_bench, "ProcessExecutor", lambda workers: InlineExecutor())
+
+    def run(*more: str) -> str:
+        run_bench.main(words(tmp_path, *more))
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_a_killed_bench_goes_on_where_it_was(bench: Callable[..., str], tmp_path: Path) -> None:
     lines = tmp_path / "evidence" / "full.jsonl"
-    first = bench(tmp_path, seconds="2")
+    script = str(ROOT / "benchmarks" / "evidence" / "run_bench.py")
+    paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": "2"}
+    first = subprocess.Popen(
+        [sys.executable, script, *words(tmp_path)], env=os.environ | paths, stdout=subprocess.DEVNULL
+    )
     while not (lines.exists() and read(lines)):
-        assert first.poll() is None, first.communicate()[0]
+        assert first.poll() is None
         time.sleep(0.1)
     first.send_signal(signal.SIGKILL)
     first.wait()
     before = read(lines)
     assert 1 <= len(before) < 3
-    second = bench(tmp_path)
-    said = second.communicate()[0]
-    assert second.returncode == 0, said
-    assert f"3 sets, {len(before)} done before" in said
+    assert f"3 sets, {len(before)} done before" in bench()
     after = read(lines)
     assert len(after) == 3 and all(after[name] == line for name, line in before.items())
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
-    third = bench(tmp_path, "--summarise")
-    assert "stiffness 3" in third.communicate()[0] and third.returncode == 0
+    assert "stiffness 3" in bench("--summarise")
 
 
-def test_shards_run_apart_and_are_summarised_as_one(three_sets: Path, tmp_path: Path) -> None:
-    shutil.copytree(three_sets, tmp_path / "evidence")
-    said = {}
-    for part in ("1/2", "2/2"):
-        one = bench(tmp_path, "--shard", part)
-        said[part] = one.communicate()[0]
-        assert one.returncode == 0, said[part]
-    assert "2 sets, 0 done before" in said["1/2"] and "1 sets, 0 done before" in said["2/2"]
+def test_a_diagnoser_that_dies_costs_its_own_set_alone(
+    bench: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_bench, "ProcessExecutor", ProcessExecutor)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    named = Bench(tmp_path / "evidence", "full")
+    one = THREE.tasks()[0].secret_id(named.key())
+    monkeypatch.setenv("STAND_IN_DIES_AT", one)
+    with pytest.raises(SystemExit):
+        bench()
+    lines = named.lines()
+    assert [name for name, line in lines.items() if "killed twice" in line.get("error", "")] == [one]
+    assert len(lines) == 3
+    monkeypatch.delenv("STAND_IN_DIES_AT")
+    assert "3 sets, 2 done before" in bench()
+    assert "result" in named.lines()[one]
+
+
+def test_shards_run_apart_and_are_summarised_as_one(bench: Callable[..., str], tmp_path: Path) -> None:
+    assert "2 sets, 0 done before" in bench("--shard", "1/2")
+    assert "1 sets, 0 done before" in bench("--shard", "2/2")
     files = sorted((tmp_path / "evidence").glob("full.*-of-2.jsonl"))
     assert [len(read(file)) for file in files] == [2, 1]
     (tmp_path / "evidence.json").unlink()
-    merged = bench(tmp_path, "--summarise")
-    assert "stiffness 3" in merged.communicate()[0] and merged.returncode == 0
+    assert "stiffness 3" in bench("--summarise")
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3) and data["planned"] == {"effect": 3}

@@ -10,9 +10,11 @@ from typing import Any
 
 
 def diagnose(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
-    """Always finds stiffness; fails where it can see a label."""
+    """Always finds stiffness; fails where it can see a label, and ends its process at one set if so wished."""
     assert Path(study).suffix == ".yaml" and "kind: polynomial" in Path(study).read_text()
     assert Path(data[0]).read_text().startswith("run,specimen,time_s,pressure_pa")
+    if os.environ.get("STAND_IN_DIES_AT") == Path(study).name.removesuffix("_study.yaml"):
+        os._exit(1)
     time.sleep(float(os.environ.get("STAND_IN_SECONDS", "0")))
     return {
         "verdict": "missing_effect",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from pliant.calibration.fitting import (
-    Constant,
+    BlackBox,
     Fit,
-    Problem,
+    MaterialConstant,
     changed,
     chosen,
     constants_of,
@@ -34,12 +33,8 @@ FEM_STEP, FEM_TOLERANCE, FEM_LEAST = 2e-3, 1e-3, 1e-3
 SPARE_ROWS = 2
 
 
-class Model(Protocol):
-    """Constants in, the measured column out."""
-
-    def predict(self, config: MaterialConfig) -> Array | None:
-        """(n,) in SI; None where the constants make no sense."""
-        ...
+# Constants in, the measured column (n,) out, in SI; None where the constants make no sense.
+Predict = Callable[[MaterialConfig], Array | None]
 
 
 def calibrate(
@@ -65,13 +60,13 @@ def calibrate(
         start = _start_of_curve(curves, material, constants, data)
         alone = [c.name for c in constants_of(material) if c.is_modulus] == [c.name for c in constants]
         cheap = curves.similar and alone and len(constants) == 1
-        return _fitted(bench, curves, curves, start, constants, data, cheap)
+        return _fitted(bench, curves.predict, curves, start, constants, data, cheap)
     tests = HomogeneousTests(lambda config: _built(bench, config), data.x, data.mode)
     start = _start_of_tests(tests, material, constants, data)
-    return _fitted(bench, tests, None, start, constants, data, cheap=True)
+    return _fitted(bench, tests.predict, None, start, constants, data, cheap=True)
 
 
-def _check_rows(data: BenchData, constants: Sequence[Constant]) -> None:
+def _check_rows(data: BenchData, constants: Sequence[MaterialConstant]) -> None:
     rest = 1.0 if data.kind == "tensile" else 0.0
     places = {(mode, x) for mode, x in zip(data.mode.tolist(), data.x.tolist(), strict=True) if x != rest}
     needed = len(constants) + SPARE_ROWS
@@ -102,13 +97,13 @@ def _curves(bench: Workbench, study: Study, data: BenchData) -> FreeCurves:
     return curves
 
 
-def _scalable(material: MaterialConfig, constants: Sequence[Constant]) -> bool:
+def _scalable(material: MaterialConfig, constants: Sequence[MaterialConstant]) -> bool:
     """Whether all moduli may move, so that a factor on them is part of the search."""
     return {c.name for c in constants_of(material) if c.is_modulus} <= {c.name for c in constants}
 
 
 def _start_of_tests(
-    tests: HomogeneousTests, material: MaterialConfig, constants: Sequence[Constant], data: BenchData
+    tests: HomogeneousTests, material: MaterialConfig, constants: Sequence[MaterialConstant], data: BenchData
 ) -> MaterialConfig:
     """The study's constants, moduli scaled to the data by least squares."""
     stress = tests.predict(material)
@@ -120,7 +115,7 @@ def _start_of_tests(
 
 
 def _start_of_curve(
-    curves: FreeCurves, material: MaterialConfig, constants: Sequence[Constant], data: BenchData
+    curves: FreeCurves, material: MaterialConfig, constants: Sequence[MaterialConstant], data: BenchData
 ) -> MaterialConfig:
     """The study's constants, moduli scaled so that the curve begins with the data's slope."""
     if not curves.similar or not _scalable(material, constants):
@@ -141,10 +136,10 @@ def _start_of_curve(
 
 def _fitted(
     bench: Workbench,
-    model: Model,
+    predict: Predict,
     curves: FreeCurves | None,
     start: MaterialConfig,
-    constants: Sequence[Constant],
+    constants: Sequence[MaterialConstant],
     data: BenchData,
     cheap: bool,
 ) -> Calibration:
@@ -159,13 +154,13 @@ def _fitted(
 
     def residuals(values: Array) -> Array | None:
         config = changed(start, constants, values.tolist())
-        predicted = None if config is None else model.predict(config)
+        predicted = None if config is None else predict(config)
         return None if predicted is None else weight * (predicted - data.y)
 
     if cheap:
-        problem = Problem(residuals, scales, EXACT_STEP, True, EXACT_TOLERANCE)
+        problem = BlackBox(residuals, scales, EXACT_STEP, True, EXACT_TOLERANCE)
     else:
-        problem = Problem(residuals, scales, FEM_STEP, False, FEM_TOLERANCE, FEM_LEAST)
+        problem = BlackBox(residuals, scales, FEM_STEP, False, FEM_TOLERANCE, FEM_LEAST)
     found, hidden = _found(problem, first, constants, curves, weight, span)
     config = None if found is None else changed(start, constants, found.values.tolist())
     if found is None or config is None:
@@ -199,9 +194,9 @@ def _fitted(
 
 
 def _found(
-    problem: Problem,
+    problem: BlackBox,
     first: Array,
-    constants: Sequence[Constant],
+    constants: Sequence[MaterialConstant],
     curves: FreeCurves | None,
     weight: Array,
     span: float,
@@ -221,7 +216,7 @@ def _found(
     if not hidden.any():
         return minimised(problem, first), none
     moduli = np.array([c.is_modulus for c in constants])
-    common = Problem(
+    common = BlackBox(
         lambda factor: problem.residuals(np.where(moduli, first * factor, first)),
         np.ones(1),
         EXACT_STEP,
@@ -236,7 +231,7 @@ def _found(
 
 
 def _modulus_gradient(
-    bench: Workbench, config: MaterialConfig, constants: Sequence[Constant], scales: Array
+    bench: Workbench, config: MaterialConfig, constants: Sequence[MaterialConstant], scales: Array
 ) -> Array:
     """∂μ₀/∂constants (k,), by differences."""
     values = np.array([c.value for c in constants])

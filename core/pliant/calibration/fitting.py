@@ -25,7 +25,7 @@ MODULUS = "_pa"
 
 
 @dataclass(frozen=True)
-class Constant:
+class MaterialConstant:
     """One number of the material's block.
 
     Attributes:
@@ -55,19 +55,19 @@ class Constant:
         return "Pa" if self.is_modulus else ""
 
 
-def constants_of(config: MaterialConfig) -> tuple[Constant, ...]:
+def constants_of(config: MaterialConfig) -> tuple[MaterialConstant, ...]:
     """All numbers of the block but the density, in the order of its fields."""
     found = []
     for field in type(config).model_fields:
         value, written = getattr(config, field), written_name(type(config), field)
         if field != NEVER and _is_number(value):
-            found.append(Constant(field, None, written, float(value)))
+            found.append(MaterialConstant(field, None, written, float(value)))
         elif isinstance(value, tuple) and value and all(map(_is_number, value)):
-            found += [Constant(field, i, f"{written}.{i}", float(v)) for i, v in enumerate(value)]
+            found += [MaterialConstant(field, i, f"{written}.{i}", float(v)) for i, v in enumerate(value)]
     return tuple(found)
 
 
-def chosen(config: MaterialConfig, names: Sequence[str] | None) -> tuple[Constant, ...]:
+def chosen(config: MaterialConfig, names: Sequence[str] | None) -> tuple[MaterialConstant, ...]:
     """The constants to fit: those named, by field or as a study writes them, or all but Poisson's ratio.
 
     A list's name means all its numbers. Raises `UserError` for an unknown name or a material without constants.
@@ -78,7 +78,7 @@ def chosen(config: MaterialConfig, names: Sequence[str] | None) -> tuple[Constan
         if not usual:
             raise UserError(f"material '{config.kind}' has no constants to fit; choose one that has some.")
         return usual
-    found: list[Constant] = []
+    found: list[MaterialConstant] = []
     for name in names:
         if name in (NEVER, "density"):
             raise UserError("--fit density: no static test depends on the density; weigh a sample.")
@@ -94,7 +94,7 @@ def chosen(config: MaterialConfig, names: Sequence[str] | None) -> tuple[Constan
 
 
 def changed(
-    config: MaterialConfig, constants: Sequence[Constant], values: Sequence[float]
+    config: MaterialConfig, constants: Sequence[MaterialConstant], values: Sequence[float]
 ) -> MaterialConfig | None:
     """The config with these values, or None where it refuses them."""
     fields: dict[str, Any] = config.model_dump()
@@ -144,7 +144,7 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class BlackBox:
     """What is minimised.
 
     Attributes:
@@ -192,7 +192,7 @@ class Problem:
         return None if found is None else found * self.scales
 
 
-def minimised(problem: Problem, start: Array) -> Fit | None:
+def minimised(problem: BlackBox, start: Array) -> Fit | None:
     """The minimum nearest to `start`; None where the start itself is refused."""
     first = problem.point(np.asarray(start, float) / problem.scales)
     slopes = None if first is None else problem.slopes(first)

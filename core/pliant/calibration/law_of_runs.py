@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.calibration.fitting import Problem, minimised
+from pliant.calibration.fitting import BlackBox, minimised
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError, closest
 from pliant.evidence.places import padded
@@ -76,7 +76,7 @@ def law_of_runs(
         raise UserError("No coefficient is left to fit: all are held or stated as 0.")
     errors = _Errors(bench, study, measurement, config, names)
     start = np.array([given[name] for name in names])
-    found = minimised(Problem(errors.packed, np.abs(start), STEP, True, TOLERANCE, LEAST), start)
+    found = minimised(BlackBox(errors.packed, np.abs(start), STEP, True, TOLERANCE, LEAST), start)
     if found is None:
         raise NotReachedError(
             f"{measurement.source}: with the law that the study states some measured states have no equilibrium; "

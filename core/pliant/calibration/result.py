@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.calibration.fitting import Constant, Fit
+from pliant.calibration.fitting import Fit, MaterialConstant
 from pliant.calibration.reading import BenchData
 from pliant.formatting import display_unit, listed, number, quantity, unit_of, whole_percent, with_sd
 from pliant.interfaces.material import MaterialConfig
@@ -124,7 +124,9 @@ def hidden_by_model_error(jacobian: Array, scales: Array) -> NDArray[np.bool_]:
     return np.asarray(np.any(weak > 0.3, axis=0), bool)
 
 
-def undetermined(constants: Sequence[Constant], sd: Array, modulus_pa: float) -> tuple[Constant, ...]:
+def undetermined(
+    constants: Sequence[MaterialConstant], sd: Array, modulus_pa: float
+) -> tuple[MaterialConstant, ...]:
     """Constants whose standard deviation exceeds a third of their size and the solid's modulus (½ for a power)."""
     return tuple(
         constant
@@ -156,9 +158,9 @@ class Calibration:
     """
 
     config: MaterialConfig
-    constants: tuple[Constant, ...]
+    constants: tuple[MaterialConstant, ...]
     certainty: Certainty
-    undetermined: tuple[Constant, ...]
+    undetermined: tuple[MaterialConstant, ...]
     shear_modulus_pa: float
     shear_modulus_sd_pa: float
     data: BenchData

@@ -37,6 +37,9 @@ from pliant.diagnosis.verdict import (
     credible_set,
     named,
 )
+from pliant.diagnosis.verdict import (
+    probabilities as verdict_probabilities,
+)
 from pliant.errors import UserError
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
 from pliant.evidence.counts import (
@@ -318,13 +321,9 @@ def probabilities(log_evidence: Mapping[Kinds, float], scatter: float = 1.0) -> 
     """Posterior probabilities: a third each for nothing, unknown and the listed ones before the counts."""
     temperature = TEMPERATURE * scatter
     listed = max(1, sum(kinds not in (NOTHING, UNKNOWN) for kinds in log_evidence))
-    scores = {
-        kinds: value / temperature - (0.0 if kinds in (NOTHING, UNKNOWN) else np.log(listed))
-        for kinds, value in log_evidence.items()
-    }
-    total = float(scipy.special.logsumexp(list(scores.values())))
-    found = {kinds: float(np.exp(score - total)) for kinds, score in scores.items()}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    price = temperature * float(np.log(listed))  # tempered like the evidence, it is the prior's share
+    weighed = {k: v - (0.0 if k in (NOTHING, UNKNOWN) else price) for k, v in log_evidence.items()}
+    return verdict_probabilities(weighed, temperature)
 
 
 BELIEVED = 0.9

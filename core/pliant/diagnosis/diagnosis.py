@@ -30,7 +30,7 @@ from pliant.diagnosis.fitting import (
     Fitter,
     ReadingVector,
     heldout_residual,
-    scales_of,
+    readings_over_floor,
 )
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
@@ -48,15 +48,15 @@ from pliant.diagnosis.verdict import (
     Verdict,
     judge,
 )
-from pliant.errors import NotReachedError, UserError
+from pliant.errors import NotReachedError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
-from pliant.evidence.places import padded
+from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
-from pliant.measurements.floors import Floor, floor_remarks, noise_floors
+from pliant.measurements.floors import floor_remarks
 from pliant.measurements.plausible import TO_CHECK
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -165,8 +165,7 @@ def diagnose(
         registry.get("effect", kind)
     plain = predictor.predict()
     measurement, lost = _followed(predictor.measurement, plain)
-    scales, floors = _scales(predictor, measurement, plain)
-    readings = ReadingVector.of(measurement, tuple(scales), scales)
+    readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
@@ -192,7 +191,7 @@ def diagnose(
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
-    view = view_of(predictor, scales, n, runs)
+    view = view_of(predictor, readings.scales, n, runs)
     belief = Belief.of(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
@@ -206,7 +205,7 @@ def diagnose(
         indistinguishable=confounded_with(shown, search.fits, n),
         classes=split_classes(registry, view, excited, n, judgement.credible),
         detectable=detectable(shown, n, thresholds),
-        depends_on=importance(residuals, found, dict(scales)),
+        depends_on=importance(residuals, found, dict(readings.scales)),
         circumstances={item.name: item.shown.label for item in found.items},
         next_run=ahead,
         remarks=(
@@ -250,21 +249,6 @@ def _followed(
         f"The model has no equilibrium in {n} of {of} samples, most of them in run '{worst}': these readings are left "
         "out. Look at their loads, and at the law's domain.",
     )
-
-
-def _scales(
-    predictor: Predictor, measurement: Measurement, plain: Sequence[Mapping[str, Array]]
-) -> tuple[dict[str, float], dict[str, Floor]]:
-    """The floor of each output that can be read, or a share of its range where nothing tells it."""
-    residuals = [
-        {name: run.outputs[name] - values for name, values in model.items() if name in run.outputs}
-        for run, model in zip(measurement.runs, plain, strict=True)
-    ]
-    floors = noise_floors(measurement, padded(measurement, residuals))
-    scales = scales_of(measurement, floors, predictor.outputs)
-    if not scales:
-        raise UserError(f"{measurement.source}: no reading of {', '.join(predictor.outputs)} is there.")
-    return scales, floors
 
 
 def _estimates(

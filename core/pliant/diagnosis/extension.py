@@ -24,16 +24,14 @@ from pliant.diagnosis.fitting import (
     Score,
     condition_of_runs,
     heldout_residual,
-    scales_of,
+    readings_over_floor,
     score,
 )
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
-from pliant.errors import UserError
-from pliant.evidence.places import Residuals, padded
+from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
-from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
@@ -110,12 +108,7 @@ class Ground:
 
     def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
         """Per run by output of the model; of other readings of the same runs where they are given."""
-        runs = (self.measurement if measured is None else measured).runs
-        predicted = self.predictor.predict(effects)
-        return [
-            {name: run.outputs[name] - values for name, values in model.items()}
-            for run, model in zip(runs, predicted, strict=True)
-        ]
+        return residuals_of(measured or self.measurement, self.predictor.predict(effects))
 
     def readings(self, effects: Sequence[EffectConfig]) -> ReadingVector:
         """The readings in units of the floor that the model with these effects leaves.
@@ -123,13 +116,7 @@ class Ground:
         Raises:
             UserError: no reading that the model has.
         """
-        floors = noise_floors(self.measurement, padded(self.measurement, self.residuals(effects)))
-        scales = scales_of(self.measurement, floors, self.predictor.outputs)
-        if not scales:
-            raise UserError(
-                f"{self.measurement.source}: no reading of {', '.join(self.predictor.outputs)} is there."
-            )
-        return ReadingVector.of(self.measurement, tuple(scales), scales)
+        return readings_over_floor(self.measurement, self.residuals(effects), self.groups)[0]
 
 
 def extend(

@@ -24,10 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.evidence.places import Residuals
+from pliant.errors import UserError
+from pliant.evidence.places import Residuals, padded
 from pliant.evidence.prediction import Predictor
 from pliant.least_squares import Point, Steps, descend
-from pliant.measurements.floors import Floor
+from pliant.measurements.floors import Floor, noise_floors
+from pliant.measurements.repeats import RepeatGroup
 from pliant.pipeline.remote import registry_with
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -210,7 +212,7 @@ class Fitter:
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
         key = (candidate.kinds, repr(candidate.configs(x)), x.tobytes(), held)
-        point = self._seen.pop(key, None) or _Misfit(self, candidate).point(x)
+        point = self._seen.pop(key, None) or _ReadingMisfit(self, candidate).point(x)
         self._seen[key] = point
         while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
             self._seen.pop(next(iter(self._seen)))
@@ -221,7 +223,7 @@ class Fitter:
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        misfit, steps = _Misfit(self, candidate), replace(STEPS, most=iterations)
+        misfit, steps = _ReadingMisfit(self, candidate), replace(STEPS, most=iterations)
         found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
         return cast(_LinearPoint, found), converged
 
@@ -238,7 +240,7 @@ class _LinearPoint(Point):
 
 
 @dataclass(frozen=True, eq=False)
-class _Misfit:
+class _ReadingMisfit:
     """Readings less the predictions of a candidate, with the engine's own derivatives."""
 
     fitter: Fitter
@@ -355,14 +357,23 @@ def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[in
     )
 
 
-def scales_of(
-    measurement: Measurement, floors: Mapping[str, Floor], outputs: Sequence[str]
-) -> dict[str, float]:
-    """The unit of each output's residuals: its floor, or a share of its range where nothing tells one.
+def readings_over_floor(
+    measurement: Measurement, residuals: Residuals, groups: Sequence[RepeatGroup] | None = None
+) -> tuple[ReadingVector, dict[str, Floor]]:
+    """Readings in units of the floor that a model's residuals show, and the floors.
 
-    Outputs without a reading are left out.
+    An output is in units of a share of its range where nothing tells a floor; without a reading it is left out.
+
+    Args:
+        measurement: the runs.
+        residuals: of the model, per run by output (t,).
+        groups: repeats, where they are known already.
+
+    Raises:
+        UserError: no reading that the model has.
     """
-    scales = {}
+    floors = noise_floors(measurement, padded(measurement, residuals), groups)
+    outputs, scales = list(residuals[0]), {}
     for name in outputs:
         series: Array = np.concatenate([run.outputs[name] for run in measurement.runs])
         there = series[np.isfinite(series)]
@@ -371,4 +382,6 @@ def scales_of(
         span, value = float(np.ptp(there)), floors[name].value
         smallest = 1e-6 * max(span, float(np.abs(there).max()))
         scales[name] = value if np.isfinite(value) and value > smallest else (SHARE_OF_RANGE * span or 1.0)
-    return scales
+    if not scales:
+        raise UserError(f"{measurement.source}: no reading of {', '.join(outputs)} is there.")
+    return ReadingVector.of(measurement, tuple(scales), scales), floors

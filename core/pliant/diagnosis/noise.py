@@ -139,7 +139,8 @@ def noise_view(
         groups: repeats.
     """
     residuals = padded(measurement, residuals)
-    floors = {name: floor for name, floor in noise_floors(measurement, residuals).items() if name in scales}
+    found = noise_floors(measurement, residuals, groups)
+    floors = {name: floor for name, floor in found.items() if name in scales}
     deviations = _deviations(residuals, groups)
     counted = effective_samples(deviations, measurement)
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]

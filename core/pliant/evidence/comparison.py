@@ -14,7 +14,15 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
-from pliant.evidence.places import Place, Residuals, find_places, noise_of, padded, worst_places
+from pliant.evidence.places import (
+    Place,
+    Residuals,
+    find_places,
+    noise_of,
+    padded,
+    residuals_of,
+    worst_places,
+)
 from pliant.evidence.scores import (
     NONE,
     GroupError,
@@ -27,7 +35,7 @@ from pliant.evidence.scores import (
 )
 from pliant.formatting import listed, unit_of, whole_percent
 from pliant.measurements.effective import clock_of
-from pliant.measurements.floors import Floor, floor_remarks, noise_floors
+from pliant.measurements.floors import floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -109,29 +117,24 @@ class Comparison:
         return tuple(place for place in self.places if place.significant)
 
 
-def residuals_of(measurement: Measurement, predicted: Sequence[Mapping[str, Array]]) -> Residuals:
-    """Per run, measured − predicted for the outputs that both have; NaN where nothing was read.
-
-    Raises:
-        UserError: no output in common.
-    """
-    common = [name for name in measurement.outputs if all(name in run for run in predicted)]
-    if not common:
+def _residuals(measurement: Measurement, predicted: Sequence[Mapping[str, Array]]) -> Residuals:
+    """Those of the outputs with a reading that can be compared; raises `UserError` without one."""
+    residuals = residuals_of(measurement, predicted)
+    names = [n for n in residuals[0] if any(np.isfinite(run[n]).any() for run in residuals)]
+    if not residuals[0]:
         has = ", ".join(sorted({name for run in predicted for name in run})) or "none"
         raise UserError(
             f"{measurement.source or 'the measurement'} has the outputs {', '.join(measurement.outputs) or 'none'}, "
             f"the model has {has}: nothing to compare."
         )
-    return [
-        {name: np.asarray(run.outputs[name], float) - np.asarray(model[name], float) for name in common}
-        for run, model in zip(measurement.runs, predicted, strict=True)
-    ]
+    if not names:
+        raise UserError("no reading can be compared: every reading or prediction is missing.")
+    return [{name: run[name] for name in names} for run in residuals]
 
 
 def compare(
     measurement: Measurement,
     predicted: Sequence[Mapping[str, Array]],
-    floors: Mapping[str, Floor] | None = None,
     *,
     seed: int = 0,
 ) -> Comparison:
@@ -140,25 +143,19 @@ def compare(
     Args:
         measurement: what the bench recorded.
         predicted: for each run the model's outputs by name, (t,) each.
-        floors: from `noise_floors`; made here by default.
         seed: of the bootstrap.
 
     Raises:
         UserError: no output in common, or no reading that can be compared.
     """
-    residuals = residuals_of(measurement, predicted)
-    names = [n for n in residuals[0] if any(np.isfinite(run[n]).any() for run in residuals)]
-    if not names:
-        raise UserError("no reading can be compared: every reading or prediction is missing.")
-    residuals = [{name: run[name] for name in names} for run in residuals]
-    if floors is None:
-        floors = noise_floors(measurement, padded(measurement, residuals))
-    floors = {name: floors[name] for name in names if name in floors}
+    residuals = _residuals(measurement, predicted)
+    names, groups = list(residuals[0]), repeat_groups(measurement)
+    every = noise_floors(measurement, padded(measurement, residuals), groups)
+    floors = {name: every[name] for name in names}
     readings = {n: np.concatenate([run.outputs[n] for run in measurement.runs]) for n in floors}
     smallest = {name: ROUNDING * float(np.sqrt(np.nanmean(read**2))) for name, read in readings.items()}
     noiseless = [name for name, floor in floors.items() if floor.value <= smallest[name]]  # computed data
     floors = {name: floor for name, floor in floors.items() if name not in noiseless}
-    groups = repeat_groups(measurement)
     noise = {n: noise_of(floors.get(n), measurement, groups, [run[n] for run in residuals]) for n in names}
     steps_s = [float(np.median(np.diff(clock_of(run)))) if len(run) > 1 else 1.0 for run in measurement.runs]
     found = covariates(measurement, predicted)

@@ -34,6 +34,17 @@ LONGEST = 0.995  # lag-one correlation that a short record can tell
 OUTLIER = 4.0  # differences beyond so many robust sigmas are steps of the signal
 
 
+def residuals_of(
+    measurement: Measurement, predicted: Sequence[Mapping[str, Array]]
+) -> list[dict[str, Array]]:
+    """Per run, measured − predicted (t,) for the outputs that both have; NaN where nothing was read."""
+    common = [name for name in measurement.outputs if all(name in run for run in predicted)]
+    return [
+        {name: np.asarray(run.outputs[name], float) - np.asarray(model[name], float) for name in common}
+        for run, model in zip(measurement.runs, predicted, strict=True)
+    ]
+
+
 def padded(measurement: Measurement, residuals: Residuals) -> list[dict[str, Array]]:
     """Residuals for every output of the measurement: NaN for those that a model does not have."""
     return [

@@ -77,7 +77,7 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
 
 
 @dataclass(frozen=True)
-class ConditionColumn:
+class TaskKeyColumn:
     """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
 
     column: str
@@ -116,12 +116,12 @@ class Layout:
     """Which column is what, by its place in the file."""
 
     places: dict[str, int] = field(default_factory=dict)
-    conditions: list[ConditionColumn] = field(default_factory=list)
+    conditions: list[TaskKeyColumn] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class _Row:
+class _CountRow:
     values: tuple[Any, ...]  # of the conditions, in the layout's order
     written: tuple[str, ...]
     one: CountSet
@@ -185,16 +185,16 @@ def _condition(
     notes: MeasurementNotes,
     notes_name: str,
     task: type[TaskConfig],
-) -> ConditionColumn | None:
+) -> TaskKeyColumn | None:
     """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
     unit = notes.units.get(written, notes.units.get(name, ""))
     stated = notes.conditions.get(written, notes.conditions.get(name))
     if stated is not None:
         key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
-        return ConditionColumn(written, key, unit or key.unit, stated.values)
+        return TaskKeyColumn(written, key, unit or key.unit, stated.values)
     found = find_key(task, name, ENDINGS)
     if found is not None:
-        return ConditionColumn(written, found, unit or found.unit, {})
+        return TaskKeyColumn(written, found, unit or found.unit, {})
     known = [key.removeprefix("task.") for key in known_keys(task)]
     slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
     if MEASUREMENT.find(name.lower()) is None and ("." in name or slip):
@@ -202,8 +202,8 @@ def _condition(
     return None
 
 
-def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
-    rows: list[_Row] = []
+def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
+    rows: list[_CountRow] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
         cells = [[cell.strip() for cell in column] for column in block.columns]
@@ -227,7 +227,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
                 known[written] = _values(written, layout, task, line, sheet.problems)
             values = known[written]
             if one is not None and values is not None:
-                rows.append(_Row(values, written, one))
+                rows.append(_CountRow(values, written, one))
         if len(rows) > MOST_ROWS:
             raise UserError(
                 f"{sheet.path}: more than {MOST_ROWS} rows of counts; add up the trials of each set."
@@ -277,9 +277,9 @@ def _values(
     return tuple(changes.values())
 
 
-def _conditions(rows: Sequence[_Row], layout: Layout) -> tuple[CountCondition, ...]:
+def _conditions(rows: Sequence[_CountRow], layout: Layout) -> tuple[CountCondition, ...]:
     """Rows of one condition together, in the order of their first rows; what never varies goes unsaid."""
-    together: dict[str, list[_Row]] = {}
+    together: dict[str, list[_CountRow]] = {}
     for row in rows:
         together.setdefault(repr(row.values), []).append(row)
     varying = [

@@ -68,7 +68,9 @@ class _Variance:
 
 
 def noise_floors(
-    measurement: Measurement, residuals: Sequence[Mapping[str, Array]] | None = None
+    measurement: Measurement,
+    residuals: Sequence[Mapping[str, Array]] | None = None,
+    groups: Sequence[RepeatGroup] | None = None,
 ) -> dict[str, Floor]:
     """The two floors of every output.
 
@@ -81,12 +83,13 @@ def noise_floors(
         measurement: the runs.
         residuals: for each run (t,) by output, instead of the readings: what a model of the history explains
             is then not taken for noise.
+        groups: repeats, where they are known already.
 
     Returns:
         by output, in the measurement's order. `value` is the stated sigma where there is one, unless repeats
         scatter clearly more; else the scatter between repeats; else the noise of third differences.
     """
-    groups = repeat_groups(measurement)
+    groups = repeat_groups(measurement) if groups is None else groups
     tables = [run.outputs for run in measurement.runs] if residuals is None else residuals
     return {
         name: _floor(name, measurement, [table[name] for table in tables], groups)

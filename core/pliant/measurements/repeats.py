@@ -46,6 +46,31 @@ class Aligned:
     lost: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """The inputs of a run.
+
+    Attributes:
+        signals: (t,) by name.
+        clock: (t,) seconds from the start; None without one.
+        step: the usual one of the clock.
+        n: samples.
+    """
+
+    signals: dict[str, Array]
+    clock: Array | None
+    step: float
+    n: int
+
+    @staticmethod
+    def of(history: History) -> _Driven:
+        if history.time_s is None:
+            return _Driven(history.signals(), None, 0.0, len(history))
+        clock = history.time_s - history.time_s[0]
+        step = float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
+        return _Driven(history.signals(), clock, step, len(history))
+
+
 def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
     """Runs with the same inputs, loads, orientation and temperature, grouped.
 
@@ -54,13 +79,12 @@ def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
     and inputs of one unit share theirs), the temperature within 1 K and the base within 1 degree. Each run is
     compared with the first run of each group.
     """
-    signals = [run.history.signals() for run in measurement.runs]
-    tolerances = _tolerances(signals)
+    driven = [_Driven.of(run.history) for run in measurement.runs]
+    tolerances = _tolerances([one.signals for one in driven])
     groups: list[list[int]] = []
-    for index, run in enumerate(measurement.runs):
+    for index, one in enumerate(driven):
         for group in groups:
-            first = measurement.runs[group[0]].history
-            if _same(first, run.history, signals[group[0]], signals[index], tolerances):
+            if _same(driven[group[0]], one, tolerances):
                 group.append(index)
                 break
         else:
@@ -131,21 +155,21 @@ def _family(name: str) -> str:
     return next((kind for kind in ("pressure", "tendon_force", "tip_force") if name.startswith(kind)), name)
 
 
-def _same(
-    a: History, b: History, of_a: dict[str, Array], of_b: dict[str, Array], tolerances: dict[str, float]
-) -> bool:
-    if (a.time_s is None) != (b.time_s is None) or set(of_a) != set(of_b):
+def _same(a: _Driven, b: _Driven, tolerances: dict[str, float]) -> bool:
+    if (a.clock is None) != (b.clock is None) or set(a.signals) != set(b.signals):
         return False
-    if a.time_s is None or b.time_s is None:
-        return len(a) == len(b) and all(
-            bool(np.sqrt(np.mean((of_a[name] - of_b[name]) ** 2)) <= tolerances[name]) for name in of_a
+    if a.clock is None or b.clock is None:
+        return a.n == b.n and all(
+            bool(np.sqrt(np.mean((a.signals[name] - b.signals[name]) ** 2)) <= tolerances[name])
+            for name in a.signals
         )
-    first, second = a.time_s - a.time_s[0], b.time_s - b.time_s[0]
-    steps = [np.median(np.diff(t)) if t.size > 1 else 0.0 for t in (first, second)]
-    if abs(first[-1] - second[-1]) > max(SAME_DURATION * first[-1], 2 * max(steps)):
+    if abs(a.clock[-1] - b.clock[-1]) > max(SAME_DURATION * a.clock[-1], 2 * max(a.step, b.step)):
         return False
-    grid = np.linspace(0.0, min(first[-1], second[-1]), min(GRID, max(len(a), len(b))))
-    return all(_alike(grid, (first, of_a[name]), (second, of_b[name]), tolerances[name]) for name in of_a)
+    grid = np.linspace(0.0, min(a.clock[-1], b.clock[-1]), min(GRID, max(a.n, b.n)))
+    return all(
+        _alike(grid, (a.clock, a.signals[name]), (b.clock, b.signals[name]), tolerances[name])
+        for name in a.signals
+    )
 
 
 def _alike(grid: Array, a: tuple[Array, Array], b: tuple[Array, Array], tolerance: float) -> bool:

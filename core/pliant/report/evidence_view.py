@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
-from pliant.evidence.comparison import Comparison, compare, residuals_of
+from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.covariates import Covariates, covariates
-from pliant.evidence.places import Residuals
+from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, unit_of

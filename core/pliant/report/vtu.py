@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def write_vtu(path: Path, fields: ModuleFields) -> None:
 
 def write_pvd(path: Path, files: Sequence[tuple[float, str]]) -> None:
     """A ParaView collection: (time, file name) of each state."""
-    sets = [f'    <DataSet timestep="{time:.10g}" part="0" file={quoteattr(name)}/>' for time, name in files]
+    sets = [f'    <DataSet timestep="{time:.10g}" part="0" file="{escape(name)}"/>' for time, name in files]
     lines = [
         '<?xml version="1.0"?>',
         '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',

@@ -5,6 +5,9 @@ given modules through the packages that are ours to follow: Pliant, the packages
 of other plugins. It hashes each module's syntax tree without docstrings and without descriptions of config
 fields, and the data files and compiled modules that lie beside those modules. Comments, formatting and
 documentation do not recompute anything. Other libraries count by their version, where a component `requires` them.
+
+What was read off a module is kept beside its byte code, under a digest of its source: parsing some two hundred modules
+takes longer than all else that a cached run does.
 """
 
 from __future__ import annotations
@@ -13,8 +16,11 @@ import ast
 import hashlib
 import importlib.metadata
 import importlib.util
+import os
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -37,6 +43,7 @@ NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
 # Arguments that no result depends on, of the functions that declare a config's field.
 DOCUMENTATION = {"description", "title", "examples"}
 FIELDS = {"Field", "parameter"}
+KEPT = ".fingerprint"
 MODULE_NAME = re.compile(r"\.*[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -48,7 +55,7 @@ def code_fingerprint(modules: Iterable[str], packages: Iterable[str] = ()) -> st
     closure = code_closure(modules, packages)
     digest = hashlib.sha256()
     for name, path in sorted(closure.items()):
-        digest.update(f"{name}:{_parsed(path.read_bytes(), _package(name, path))[0]}\n".encode())
+        digest.update(f"{name}:{_read(path, _package(name, path))[0]}\n".encode())
     folders = {_package(name, path): path.parent for name, path in closure.items()}
     for package, folder in sorted(folders.items()):
         for file in sorted(_data_files(folder)) if package else ():
@@ -66,17 +73,21 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
     start = tuple(modules)
     followed = {*OURS, *packages, *(name.partition(".")[0] for name in start)}
     found: dict[str, Path] = {}
+    source = cache(_source)  # for this call: files may come and go
     queue = [*start]
     while queue:
         name = queue.pop()
         machinery = name in MACHINERY or name.startswith(WHOLE_ROOMS)
         if name in found or name.partition(".")[0] not in followed or (machinery and name not in start):
             continue
-        path = _source(name)
+        parent = source(name.rpartition(".")[0]) if "." in name else None
+        if parent is not None and parent.name != "__init__.py":
+            continue  # an attribute of a module; to look for it as a module would run that one
+        path = source(name)
         if path is None:
             continue
         found[name] = path
-        queue += _parsed(path.read_bytes(), _package(name, path))[1]
+        queue += _read(path, _package(name, path))[1]
         queue += [name.rpartition(".")[0]]  # importing a module runs its package's __init__
     return found
 
@@ -127,7 +138,36 @@ def _data_files(folder: Path) -> Iterator[Path]:
             yield path
 
 
+def _read(path: Path, package: str) -> tuple[str, tuple[str, ...]]:
+    """`_parsed` of a file as it is now."""
+    return _kept(path, path.read_bytes(), package)
+
+
 @cache
+def _kept(path: Path, source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
+    """`_parsed`, from beside the byte code where it was written for the same source by the same code as this."""
+    file = Path(importlib.util.cache_from_source(str(path))).with_suffix(KEPT)
+    key = hashlib.sha256(_own_code() + package.encode() + b"\0" + source).hexdigest()
+    with suppress(OSError, ValueError):
+        digest, *names, written = file.read_text(encoding="utf-8").split("\n")
+        if written == key:
+            return digest, tuple(names)
+    found = _parsed(source, package)
+    if not sys.dont_write_bytecode:
+        part = file.with_suffix(f".{os.getpid()}")
+        with suppress(OSError):  # a folder that is not ours
+            file.parent.mkdir(parents=True, exist_ok=True)
+            part.write_text("\n".join((found[0], *found[1], key)), encoding="utf-8")
+            part.replace(file)
+    return found
+
+
+@cache
+def _own_code() -> bytes:
+    """A digest of this file."""
+    return hashlib.sha256(Path(__file__).read_bytes()).digest()
+
+
 def _parsed(source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
     """Digest of a source file's syntax tree, and the names of modules that it may import."""
     try:

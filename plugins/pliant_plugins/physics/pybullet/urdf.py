@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy  # scipy.spatial only where a chain is drawn up
 
 from pliant.errors import UserError
 from pliant.mechanics.inertia import regular
@@ -107,7 +107,7 @@ def write_hull(path: Path, points: Array) -> None:
         UserError: the points lie in a plane.
     """
     try:
-        hull = ConvexHull(points)
+        hull = scipy.spatial.ConvexHull(points)
     except (ValueError, RuntimeError) as error:  # QhullError is a RuntimeError
         raise UserError(
             "a collision mesh is flat or has fewer than four points, so it has no volume: give a solid"

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # scipy.stats, half a second, only where a law is fitted
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import qmc
 
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
@@ -188,7 +188,7 @@ def error_bar(system: EnergySystem, terms: Exponents, solution: Solution) -> Err
     """
     k = len(system.ranges)
     box = np.concatenate([system.domain.actuation[None], system.domain.deformation])
-    places = 2 * qmc.Sobol(1 + k, scramble=False).random(PLACES) - 1
+    places = 2 * scipy.stats.qmc.Sobol(1 + k, scramble=False).random(PLACES) - 1
     sizes = shape(system, terms, box.mean(axis=1) + places * np.ptp(box, axis=1) / 2) * system.ranges
     known = axes_known(system.data)
     scores = (np.abs(solution.misses) / system.ranges / solution.doubts)[known]

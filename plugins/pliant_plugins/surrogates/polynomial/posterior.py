@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from math import lgamma
 
 import numpy as np
+import scipy  # scipy.stats, half a second, only where a law is fitted
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import qmc
 
 from pliant.records.design import Array
 from pliant.records.error_bar import BORDER, FEWEST_INNER, ErrorBar
@@ -182,7 +182,7 @@ class Posterior:
         scores = self.scores()
         if len(scores) < FEWEST_SCORES:
             return None
-        places = 2 * qmc.Sobol(2, scramble=False).random(PLACES) - 1
+        places = 2 * scipy.stats.qmc.Sobol(2, scramble=False).random(PLACES) - 1
         domain = self.system.domain
         box = np.vstack([domain.actuation, domain.deformation])
         sizes = self.shape(places[:, 0], places[:, 1]) * self.system.range

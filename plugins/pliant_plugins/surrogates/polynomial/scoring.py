@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # scipy.spatial only where a law is scored
 
 from pliant.errors import UserError
 from pliant.records.design import Array
@@ -207,6 +207,6 @@ def coverage(data: FemDataset, domain: Domain) -> float:
     box = np.vstack([domain.actuation, domain.deformation])
     points = (np.column_stack([data.actuation, data.angle_rad]) - box[:, 0]) / np.ptp(box, axis=1)
     try:
-        return float(ConvexHull(points).volume)
-    except QhullError:
+        return float(scipy.spatial.ConvexHull(points).volume)
+    except scipy.spatial.QhullError:
         return 0.0
