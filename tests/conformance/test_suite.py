@@ -32,6 +32,7 @@ RAISING = {
     "config_keeps_the_bounds",
     "config_subclasses_the_interface",
     "continues_from_a_saved_state",
+    "example_is_valid",
     "input_maps_keep_the_run",
     "model_runs_under_a_task",
     "runs_on_one_joint",
