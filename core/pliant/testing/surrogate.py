@@ -32,7 +32,7 @@ U = (DATA.angle_rad.min() + np.ptp(DATA.angle_rad) * _SHARES[1])[:, None]
 def _surrogate(subject: Subject) -> Surrogate:
     """Built from the example, or from defaults where that states a law instead of fitting one."""
     example: Surrogate = subject.build()
-    return example if example.stated() is None else subject.build(subject.plain_config)  # type: ignore[no-any-return]
+    return example if example.stated() is None else subject.build(subject.plain_config)
 
 
 @once
