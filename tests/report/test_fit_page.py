@@ -15,7 +15,7 @@ from pliant.errors import UserError
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
 from pliant.pipeline.residuals import module_of
-from pliant.pipeline.study import Design, DesignStages
+from pliant.pipeline.study import DesignSpec, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.error_bar import ErrorBar
@@ -262,7 +262,7 @@ def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Pa
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 3))
     fem = bench.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})
     config = PolynomialConfig(kind="polynomial", max_degree=3)
-    stages = DesignStages(Design(None, config), fem, law_stage(bench, config, fem))
+    stages = DesignStages(DesignSpec(None, config), fem, law_stage(bench, config, fem))
     (solved,) = fitted_designs(bench, [stages], learning=False)
     assert solved.source == "FEM" and len(solved.data) == len(data)
     text = words(written(bench, "solved", [solved], tmp_path).read_text())

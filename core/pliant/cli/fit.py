@@ -18,7 +18,7 @@ from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import DEFAULT_SURROGATE, Design, DesignStages, laws_of_study
+from pliant.pipeline.study import DEFAULT_SURROGATE, DesignSpec, DesignStages, laws_of_study
 from pliant.pipeline.surrogate import law_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
@@ -211,7 +211,7 @@ def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[
     )
     assert isinstance(config, SurrogateConfig)
     stage = law_stage(bench, config, None)
-    stages = DesignStages(Design(None, config), None, stage)
+    stages = DesignStages(DesignSpec(None, config), None, stage)
     return stages, fitted_law(bench, kind, config, stage, learning=learning, source=source.name)
 
 
