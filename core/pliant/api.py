@@ -45,7 +45,14 @@ from pliant.experiments.experiment_catalogue import own_runs
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import StudyRun, simulate_study
+from pliant.pipeline.study import (
+    DesignStages,
+    StudyRun,
+    check_study,
+    fem_of_study,
+    laws_of_study,
+    simulate_study,
+)
 from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
@@ -54,11 +61,11 @@ from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
 from pliant.search.stage import search_study
-from pliant.store.store import ArtifactStore
+from pliant.store.store import Artifact, ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
-# Measurement files, read together in their order; None are those that the study names.
-Data = str | Path | Sequence[str | Path] | None
+# Measurement files, read together in their order, or what was read; None are those that the study names.
+Data = str | Path | Sequence[str | Path] | Measurement | None
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,18 @@ def meta_model(opened: OpenStudy) -> UnseenDesigns:
     return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
 
 
+def fem(opened: OpenStudy) -> tuple[Artifact, ...]:
+    """The FEM data of each distinct design of the study: `pliant fem`."""
+    opened.study.need("family", "FEM")
+    check_study(opened.bench, opened.study)
+    return fem_of_study(opened.bench, opened.study)
+
+
+def laws(opened: OpenStudy) -> tuple[DesignStages, ...]:
+    """Data and law of each distinct design of the study: `pliant fit`."""
+    return laws_of_study(opened.bench, opened.study)
+
+
 def simulate(opened: OpenStudy) -> StudyRun:
     """All stages up to the study's task: `pliant simulate`."""
     return simulate_study(opened.bench, opened.study)
@@ -177,6 +196,8 @@ def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """The study's measurements, or other files read by the same settings, as one measurement in their order."""
+    if isinstance(data, Measurement):
+        return data
     files = [data] if isinstance(data, str | Path) else data
     return measurement_of_study(
         opened.bench, opened.study, None if files is None else [Path(file) for file in files]

@@ -136,7 +136,7 @@ def simulate(
     overrides: Overrides = None,
 ) -> None:
     """The chain in the chosen physics under the study's task."""
-    loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
+    loaded = here.study(study, [*(overrides or ()), "cross_check=[]"])
     done = simulate_study(here.bench(), loaded)
     here.show(simulation_document(done))
     _exit_unless_converged(here, done)

@@ -67,9 +67,22 @@ def page(document: Document) -> Page:
     return Page(html, {picture.name: picture.png for picture in shown})
 
 
+def fragment(document: Document) -> str:
+    """The document as a short piece of HTML for a notebook's cell: sentence, first tables, what limits the result.
+
+    Points and warnings are folded. Every text is escaped.
+    """
+    return str(
+        page_template("fragment.html.j2").render(
+            document=document,
+            tables=[block for block in document.brief if isinstance(block, Table)],
+        )
+    )
+
+
 @cache
-def page_template() -> Any:
-    """The compiled template, a data file beside the code, which the code fingerprint of this room holds."""
+def page_template(name: str = "report.html.j2") -> Any:
+    """A compiled template, a data file beside the code, which the code fingerprint of this room holds."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -79,4 +92,4 @@ def page_template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2")
+    return environment.get_template(name)

@@ -204,8 +204,7 @@ class Quasistatic(PhysicsBackend):
 
         if is_compiled() if followed else is_cached("equilibrium", "settle"):
             return None
-        seconds = "twenty" if followed else "forty"
-        return f"compiling the simulation, about {seconds} seconds; this happens once after an installation."
+        return "compiling the simulation, about twenty seconds; this happens once after an installation."
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()

@@ -1,0 +1,101 @@
+"""A result at a prompt: one line as text, a short page in a notebook, a frame, a picture; its record's attributes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from pliant.errors import MissingDependencyError
+from pliant.report.document import Document, Table, brief
+from pliant.report.render import fragment, page
+from pliant.report.stage import write_page
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+Record = TypeVar("Record")
+LONGEST = 160  # characters of a result's one line
+
+
+def frame_of(columns: Any, index: Any = None) -> pandas.DataFrame:
+    """Columns as a pandas frame; raises `MissingDependencyError` where pandas is not installed."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingDependencyError("frames need pandas: pip install 'pliant[notebook]'.") from None
+    return pandas.DataFrame(columns, index=index)
+
+
+class Result(Generic[Record]):
+    """What a step of a study gives.
+
+    Attributes that it has not itself are those of its `record`, the frozen data behind it (SI, unit in the name).
+
+    Attributes:
+        record: the data.
+        document: its sentences, tables and pictures: what the command line prints.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        document: Document,
+        plot: Callable[[Record, Axes | None], Axes] | None = None,
+        frame: Callable[[Record], dict[str, Any]] | None = None,
+    ) -> None:
+        self.record, self.document = record, document
+        self._plot, self._frame = plot, frame
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self.record, name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *(n for n in dir(self.record) if not n.startswith("_"))})
+
+    def __repr__(self) -> str:
+        text = " ".join(f"{self.document.title}: {self.document.sentence}".split())
+        return f"<{text if len(text) <= LONGEST else text[: LONGEST - 1] + '…'}>"
+
+    def __str__(self) -> str:
+        return self.document.sentence
+
+    def _repr_html_(self) -> str:
+        return fragment(self.document)
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """The JSON object of the command: plain SI values."""
+        return dict(self.document.data)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """The numbers as a pandas frame, SI, with the unit in each column's name where the result has a table of its
+        own; else its first table as it is printed. Raises `MissingDependencyError` without pandas.
+        """
+        if self._frame is not None:
+            return frame_of(self._frame(self.record))
+        tables = [block for block in self.document.brief if isinstance(block, Table)]
+        if not tables:
+            tables = [brief(table) for part in self.document.draw().sections for table in part.tables]
+        head = tables[0].head if tables else []
+        return frame_of({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The one picture that says most, on these matplotlib axes or on new ones; returns the axes."""
+        if self._plot is not None:
+            return self._plot(self.record, ax)
+        from pliant.report.plots import image
+
+        hero = self.document.draw().hero
+        if hero is None:
+            raise ValueError("this result has no picture")
+        return image(hero, ax)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the whole page with its pictures into a folder; returns the page's path."""
+        made = page(self.document)
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        return write_page(Path(folder), made.html, made.pictures, self.document.page)

@@ -1,0 +1,243 @@
+"""A study with methods: the commands in the same words, each giving a `Result`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pliant import api
+from pliant.config.study import Study
+from pliant.evidence.comparison import compare
+from pliant.evidence.counts import CountComparison, counted_study, is_counted
+from pliant.execution.executors import Workers
+from pliant.notebook import frames
+from pliant.notebook.changes import as_overrides
+from pliant.notebook.result import Result
+from pliant.pipeline.study import DesignStages, StudyRun, physics_of_study
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
+from pliant.records.measurement import Measurement
+from pliant.report import plots
+from pliant.report.calibration import calibration_document
+from pliant.report.comparison import comparison_document
+from pliant.report.counts import counts_document
+from pliant.report.diagnosis import diagnosis_document
+from pliant.report.extension import extension_document
+from pliant.report.fem import fem_document
+from pliant.report.fit import fitted_designs, laws_document
+from pliant.report.improvement import improvement_document
+from pliant.report.run import simulation_document
+from pliant.report.search import search_document
+
+Data = Any  # a path, several, or a pandas frame
+
+
+class Simulated(Result[StudyRun]):
+    """A simulated study; `tip`, `markers`, `metrics` and `joint_angles` are those of its first engine."""
+
+    @property
+    def _final(self) -> Any:
+        return self.record.engines[0].result
+
+    @property
+    def tip(self) -> Array:
+        """(3,) settled position of the tip in the world, m."""
+        return self._final.final.tip_m  # type: ignore[no-any-return]
+
+    @property
+    def markers(self) -> Array:
+        """(n + 2, 3) base, joints 1…n and tip in the world, m."""
+        return self._final.final.markers_m  # type: ignore[no-any-return]
+
+    @property
+    def joint_angles(self) -> Array:
+        """(n, a) joint coordinates, rad (m where the joint slides)."""
+        return self._final.final.joint_angles  # type: ignore[no-any-return]
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        """What the task measured, SI, unit in the name."""
+        return self._final.metrics  # type: ignore[no-any-return]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the engine reached its own tolerance."""
+        return bool(self._final.final.converged)
+
+
+class Fitted(Result[tuple[DesignStages, ...]]):
+    """The laws of a study's distinct designs."""
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes."""
+        return self.record[0].law.law
+
+
+class StudyHandle:
+    """A study in hand; every method is the command of its name and gives a `Result`.
+
+    Finished stages are kept in the store, as those of the commands are.
+
+    Attributes:
+        path: the file that was read.
+        opened: the study with its plugins and its store, for functions of `pliant.api`.
+    """
+
+    def __init__(self, path: Path, overrides: Sequence[str], opened: api.OpenStudy) -> None:
+        self.path, self.opened = path, opened
+        self._overrides = tuple(overrides)
+
+    @property
+    def config(self) -> Study:
+        """The typed study."""
+        return self.opened.study
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.config.name
+
+    def __repr__(self) -> str:
+        blocks = [
+            key for key in Study.model_fields if key not in ("pliant", "name") and getattr(self.config, key)
+        ]
+        return f"<study {self.name}: {', '.join(blocks)}>"
+
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **named: Any) -> StudyHandle:
+        """The study with some keys changed: ``with_(pressure="20 kPa", physics="mujoco", chain={"modules": 10})``.
+
+        Args:
+            changes: keys that are no Python names, such as ``{"chain.modules": 10}``.
+            named: blocks, values, or names of keys that stand in one block alone.
+
+        Raises:
+            UserError: an unknown or ambiguous key, or a value that is not allowed.
+        """
+        overrides = [*self._overrides, *as_overrides(self.config, {**(changes or {}), **named})]
+        bench = self.opened.bench
+        opened = api.open_study(self.path, overrides, store=bench.store.root, progress=bench.progress)
+        return StudyHandle(self.path, overrides, opened)
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the study's first design, solved and fitted first where it must be."""
+        return api.laws(self.opened)[0].law.law
+
+    def fem(self) -> Result[Any]:
+        """The FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`."""
+        artifacts = api.fem(self.opened)
+        document = fem_document(self.config, artifacts, [""] * len(artifacts))
+        return Result(artifacts[0].value, document, plots.module_data, frames.module_data)
+
+    def fit(self) -> Fitted:
+        """The laws of the study's designs with their errors on states left out: `pliant fit`."""
+        bench = self.opened.bench
+        stages = api.laws(self.opened)
+        fitted = fitted_designs(bench, [s for s in stages if s.law.report is not None], learning=False)
+        document = laws_document(self.name, stages, fitted, self.config.canonical())
+        return Fitted(stages, document, plots.laws, frames.laws)
+
+    def simulate(self) -> Simulated:
+        """The chain under the study's task in its engine: `pliant simulate`."""
+        alone = self.with_(cross_check=[]) if self.config.cross_check else self
+        return alone.run()
+
+    def run(self) -> Simulated:
+        """All stages, `cross_check` engines too: `pliant run`."""
+        done = api.simulate(self.opened)
+        return Simulated(done, simulation_document(done), plots.backbones, frames.markers)
+
+    def compare(self, data: Data = None) -> Result[Any]:
+        """The model against the study's measurement or another: `pliant compare`. The record is a `Comparison`."""
+        if is_counted(self.config, data):
+            counted = counted_study(self.config, data)
+            counts: CountComparison = api.compare_counts(self.opened, data)
+            return Result(counts, counts_document(self.name, counted.counts, counts))
+        model = api.predictor(self.opened, data)
+        predicted = model.predict()
+        found = compare(model.measurement, predicted)
+        document = comparison_document(self.name, model.measurement, predicted, found)
+        return Result(
+            found,
+            document,
+            lambda _, ax: plots.measured(model.measurement, predicted, ax),
+            lambda _: frames.residuals(model.measurement, predicted),
+        )
+
+    def diagnose(
+        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
+    ) -> Result[Any]:
+        """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`."""
+        measurement = api.read_measurement(self.opened, data)
+        found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
+        registry = self.opened.bench.registry
+        document = diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
+        return Result(found, document, plots.hypotheses, frames.hypotheses)
+
+    def extend(self, *effects: str, data: Data = None) -> Result[Any]:
+        """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`."""
+        measurement = api.read_measurement(self.opened, data)
+        found = api.extend(self.opened, effects, measurement)
+        return Result(found, extension_document(self.name, measurement, found, self.opened.bench.registry))
+
+    def improve(
+        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
+    ) -> Result[Any]:
+        """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`."""
+        measurement = api.read_measurement(self.opened, data)
+        found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
+        registry = self.opened.bench.registry
+        document = improvement_document(self.name, measurement, found, registry, effects or ())
+        return Result(found, document, plots.steps, frames.steps)
+
+    def optimize(self, workers: int | None = None) -> Result[Any]:
+        """The study's search and the check of its winner: `pliant optimize`. The record is a `SearchResult`."""
+        found = api.optimize(self.opened, workers=workers)
+        engine = physics_of_study(self.opened.bench, self.config).kind
+        document = search_document(self.config.canonical(), found, engine=engine)
+        return Result(found, document, plots.history, frames.history)
+
+    def calibrate(self, data: str | Path, **options: Any) -> Result[Any]:
+        """Constants of the study's material from a test: `pliant calibrate`. The record is a `Calibration`."""
+        found = api.calibrate(self.opened, data, **options)
+        return Result(found, calibration_document(self.name, found))
+
+
+def open_study(path: str | Path, *, store: str | Path = api.DEFAULT_STORE, **changes: Any) -> StudyHandle:
+    """Read a study file; `changes` as in `StudyHandle.with_`.
+
+    Raises:
+        UserError: the file is missing or wrong; the message lists every problem.
+    """
+    handle = StudyHandle(Path(path), (), api.open_study(path, store=store))
+    return handle.with_(changes) if changes else handle
+
+
+def read(files: Any, **notes: Any) -> Result[Measurement]:
+    """Measurement files, or a pandas frame, as the commands read them.
+
+    Args:
+        files: a path, several, a pattern such as ``"runs/*.csv"``, or a pandas frame.
+        notes: what the files do not say of themselves: ``rename={"bend": "angle_rad"}``, ``units={"p": "mbar"}``.
+
+    Raises:
+        UserError: what cannot be read, or cannot be decided without being asked.
+    """
+    measurement, document = api.read(files, notes)
+    return Result(measurement, document, plots.readings, frames.readings)
+
+
+def fit(
+    table: Any, surrogate: str = "polynomial", *, store: str | Path = api.DEFAULT_STORE, **settings: Any
+) -> Fitted:
+    """A joint law from a table of anybody's: `pliant fit TABLE`.
+
+    Args:
+        table: a path (docs/bring_your_own_data.md), or a pandas frame with the same columns.
+        surrogate: the kind of law.
+        settings: keys of the surrogate's block.
+    """
+    stages, document = api.fit_table(table, surrogate, store=store, settings=settings)
+    return Fitted((stages,), document, plots.laws, frames.laws)
