@@ -25,7 +25,7 @@ from scipy.optimize import minimize_scalar
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.newton import Control, Equilibrium
+from pliant_plugins.fem.newton import Control, FemEquilibrium
 from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.manifest import FINGER
 
@@ -85,7 +85,7 @@ def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: 
     return np.array(angles)
 
 
-def under_force(model: SkfemSolver, start: Equilibrium, force: float, height: float) -> Equilibrium:
+def under_force(model: SkfemSolver, start: FemEquilibrium, force: float, height: float) -> FemEquilibrium:
     """Equilibrium under one force: its efforts on θ and e follow the angle until both agree; half is solved."""
     nothing = np.zeros(2, bool)
     here, before = start, np.inf

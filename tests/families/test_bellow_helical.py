@@ -13,7 +13,7 @@ from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import ModuleSolver
 from pliant.meshing.hexahedra import cell_volumes, enclosed_volume
 from pliant.records.fem import FemState, ModuleProblem
-from pliant_plugins.families.bellow.revolved import Counts, ring, sector
+from pliant_plugins.families.bellow.revolved import RevolvedCounts, ring, sector
 from pliant_plugins.families.bellow_helical.family import (
     BellowHelical,
     BellowHelicalConfig,
@@ -109,7 +109,7 @@ def test_wall_of_the_profile_at_x() -> None:
 def test_pieces_have_the_walls_volume(refinement: int) -> None:
     geometry = family().geometry
     wall = geometry.wall_volume(-geometry.wall_m / 2, geometry.wall_m / 2)
-    counts = Counts.of(geometry, refinement)
+    counts = RevolvedCounts.of(geometry, refinement)
     pieces = ((sector(geometry, counts, 1), 8), (sector(geometry, counts, 2), 4), (ring(geometry, counts), 1))
     for mesh, scale in pieces:
         assert scale * cell_volumes(mesh.nodes_m, mesh.cells).sum() == pytest.approx(wall, rel=1e-3)
@@ -118,7 +118,7 @@ def test_pieces_have_the_walls_volume(refinement: int) -> None:
 
 def test_cavity_of_the_ring_is_what_the_profile_encloses() -> None:
     geometry = family().geometry
-    mesh = ring(geometry, Counts.of(geometry, 2))
+    mesh = ring(geometry, RevolvedCounts.of(geometry, 2))
     # from the middle of the start section that plane adds nothing, the end plane π ρ² l / 3
     end = np.pi * (geometry.inner_radius_m - geometry.wall_m / 2) ** 2 * geometry.module_length_m / 3
     cavity = end - enclosed_volume(mesh.nodes_m, mesh.cavity)

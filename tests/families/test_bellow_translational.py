@@ -11,7 +11,7 @@ from tests.families.solvers import rubber, solver_of
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import ModuleSolver
 from pliant.records.fem import ModuleProblem
-from pliant_plugins.families.bellow.revolved import Counts, sector
+from pliant_plugins.families.bellow.revolved import RevolvedCounts, sector
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
 
 NAMES = ("inner_radius", "average_radius", "wall", "module_length")
@@ -55,7 +55,7 @@ def test_quarter_and_half_section_agree(model: ModuleSolver) -> None:
     design = family()
     halves = replace(
         design.problem(),
-        mesh=sector(design.geometry, Counts.of(design.geometry, 1, arc=3, quarter=4), quarters=2),
+        mesh=sector(design.geometry, RevolvedCounts.of(design.geometry, 1, arc=3, quarter=4), quarters=2),
         energy_scale=4.0,
         fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
     )

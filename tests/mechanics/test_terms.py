@@ -11,7 +11,7 @@ from pliant.errors import ContractError
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.mechanics.rotations import exp_map
-from pliant.mechanics.terms import LawTerms, Memory
+from pliant.mechanics.terms import LawTerms, TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.term import LawTerm
 from pliant.testing.samples import linear_prismatic_law, linear_spherical_law, sample_chain, softening_law
@@ -39,7 +39,7 @@ def chain_with(*terms: LawTerm) -> ChainModel:
     return sample_chain(modules=2).with_(terms=terms)
 
 
-def effort(chain: ChainModel, q: np.ndarray, p: float, memory: Memory | None = None) -> np.ndarray:
+def effort(chain: ChainModel, q: np.ndarray, p: float, memory: TermMemory | None = None) -> np.ndarray:
     return JointEfforts(chain).evaluate(q, {"pressure_pa": p}, memory).tau
 
 

@@ -128,7 +128,7 @@ def test_large_chains() -> None:
 
 
 def test_one_compiled_form_serves_all_chains() -> None:
-    """Another type of argument would be another half minute of compiling."""
+    """Another type of argument would be another twenty seconds of compiling."""
     for chain in chains().values():
         odd = np.asfortranarray(chain.base_rotation)
         odd.setflags(write=False)

@@ -22,7 +22,7 @@ from pliant.testing.samples import sample_chain, softening_law
 from pliant_plugins.viewing.backend import WINDOW, MujocoViewer
 from pliant_plugins.viewing.camera import VIEWS, camera
 from pliant_plugins.viewing.config import MujocoViewerConfig
-from pliant_plugins.viewing.drawing import Drawing
+from pliant_plugins.viewing.drawing import SceneDrawing
 from pliant_plugins.viewing.painter import context
 from pliant_plugins.viewing.skins import dressed, skin_of
 
@@ -222,7 +222,7 @@ class Sliders(Handle):
 def test_sliders_become_controls_with_their_ranges():
     chain = rods(2)
     frames = chain_frames(np.zeros(1), bent(chain, 0.1)[None])
-    drawing = Drawing(chain_scene(chain), frames, WINDOW, Sliders().inputs)
+    drawing = SceneDrawing(chain_scene(chain), frames, WINDOW, Sliders().inputs)
     names = [drawing.model.actuator(k).name for k in range(drawing.model.nu)]
     assert names == ["pressure_pa", "tendon_force_n"]
     np.testing.assert_array_equal(drawing.model.actuator_ctrlrange, [[0, 15e3], [0, 8]])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.mechanics.terms import LawTerms, Memory
+from pliant.mechanics.terms import LawTerms, TermMemory
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
@@ -67,7 +67,9 @@ class JointEfforts:
         """(actuators,) the value of each actuator's input; see `actuation_values`."""
         return actuation_values(self.actuators, actuation)
 
-    def evaluate(self, q: Array, actuation: Mapping[str, float], memory: Memory | None = None) -> ChainEffort:
+    def evaluate(
+        self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None
+    ) -> ChainEffort:
         """Effort and slopes of all joints at coordinates q (n, a); without a memory the chain is rested."""
         values = self.values(actuation)
         whole = self._laws(q, values)
@@ -88,11 +90,11 @@ class JointEfforts:
         by_input = {name: now.actuation * slope_p for name, slope_p in whole.dtau_dp.items()}
         return ChainEffort(tau, by_input, dtau_du)
 
-    def advance(self, q: Array, actuation: Mapping[str, float], memory: Memory) -> Memory:
+    def advance(self, q: Array, actuation: Mapping[str, float], memory: TermMemory) -> TermMemory:
         """The memory of the law terms after a step that ends at q (n, a)."""
         return self.terms.advance(q, float(self._signs @ self.values(actuation)), memory)
 
-    def potential(self, q: Array, actuation: Mapping[str, float], memory: Memory | None = None) -> float:
+    def potential(self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None) -> float:
         """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J.
 
         With law terms it is minus the work of τ along the straight path from 0, memory held: the potential of

@@ -38,7 +38,7 @@ class Response(Protocol):
     def tangent(self) -> Array: ...
 
 
-class Solid(Protocol):
+class HomogeneousSolid(Protocol):
     """What a test needs of a material."""
 
     def evaluate(self, F: Array) -> Response:
@@ -46,7 +46,7 @@ class Solid(Protocol):
         ...
 
 
-def nominal_stress(solid: Solid, stretch: Array, mode: Mode = "uniaxial") -> Array:
+def nominal_stress(solid: HomogeneousSolid, stretch: Array, mode: Mode = "uniaxial") -> Array:
     """P₁₁ (n,) in Pa of a specimen at stretches λ (n,) > 0, its free faces at zero stress.
 
     Raises:
@@ -62,7 +62,7 @@ def nominal_stress(solid: Solid, stretch: Array, mode: Mode = "uniaxial") -> Arr
     return stress
 
 
-def _solved(solid: Solid, stretch: Array, mode: Mode) -> tuple[Array, NDArray[np.bool_]]:
+def _solved(solid: HomogeneousSolid, stretch: Array, mode: Mode) -> tuple[Array, NDArray[np.bool_]]:
     """P₁₁ (n,) and where it is to be trusted: Newton in ln s from the free stretch s of the incompressible solid."""
     free = np.log(stretch) * {"uniaxial": -0.5, "equibiaxial": -2.0, "planar": -1.0}[mode]
     for _ in range(ITERATIONS):
@@ -85,7 +85,7 @@ def _gradient(stretch: Array, free: Array, mode: Mode) -> Array:
     return F
 
 
-def falling_stretches(solid: Solid, mode: Mode = "uniaxial") -> tuple[float | None, float | None]:
+def falling_stretches(solid: HomogeneousSolid, mode: Mode = "uniaxial") -> tuple[float | None, float | None]:
     """The stretches nearest to 1 at which the nominal stress stops rising, in compression and in tension.
 
     None where it rises throughout `DOUBT_RANGES`; a specimen would neck or collapse at such a stretch.
@@ -99,7 +99,7 @@ def falling_stretches(solid: Solid, mode: Mode = "uniaxial") -> tuple[float | No
     return found[0], found[1]
 
 
-def stability_remarks(solid: Solid) -> tuple[str, ...]:
+def stability_remarks(solid: HomogeneousSolid) -> tuple[str, ...]:
     """A sentence where these constants are unstable in a homogeneous test, none where they are not."""
     places = []
     for mode in MODES:

@@ -26,7 +26,7 @@ from pliant.errors import UserError
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import ChainGeometry, Pose
 from pliant.mechanics.rotations import left_jacobian_transpose_slope
-from pliant.mechanics.terms import Memory
+from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Cord, Inputs, PointForce
@@ -49,7 +49,7 @@ class Loads:
     gravity_m_s2: Array
     tip_force_n: Array = field(default_factory=lambda: np.zeros(3))
     moment_n_m: float = 0.0
-    memory: Memory | None = None
+    memory: TermMemory | None = None
     forces: tuple[PointForce, ...] = ()
     cords: tuple[Cord, ...] = ()
 
@@ -113,7 +113,7 @@ class Loads:
             _shared(self.cords, other.cords, take),
         )
 
-    def after(self, memory: Memory) -> Loads:
+    def after(self, memory: TermMemory) -> Loads:
         """The same loads on a chain with this past."""
         return replace(self, memory=memory)
 

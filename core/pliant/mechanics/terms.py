@@ -18,7 +18,7 @@ STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class TermMemory:
     """What law terms know of the past.
 
     Attributes:
@@ -33,7 +33,7 @@ class Memory:
     dt_s: float = math.inf
     temperature_c: float = REFERENCE_TEMPERATURE_C
 
-    def over(self, dt_s: float) -> Memory:
+    def over(self, dt_s: float) -> TermMemory:
         """The same past before a step of another duration."""
         return replace(self, dt_s=dt_s)
 
@@ -63,15 +63,15 @@ class LawTerms:
         ]
         self.n_states = int(ends[-1]) if self.terms else 0
 
-    def rested(self) -> Memory:
+    def rested(self) -> TermMemory:
         """The memory of a virgin chain at rest."""
-        return Memory(np.zeros(self.shape), np.zeros((*self.shape, self.n_states)))
+        return TermMemory(np.zeros(self.shape), np.zeros((*self.shape, self.n_states)))
 
-    def contribution(self, q: Array, actuation: float, memory: Memory) -> Contribution:
+    def contribution(self, q: Array, actuation: float, memory: TermMemory) -> Contribution:
         """Values at coordinates q (n, a)."""
         return self._evaluate(q, actuation, memory)[0]
 
-    def slopes(self, q: Array, actuation: float, memory: Memory) -> Contribution:
+    def slopes(self, q: Array, actuation: float, memory: TermMemory) -> Contribution:
         """Their derivatives with respect to each joint's own coordinate, by central differences."""
         up = self.contribution(q + STEP, actuation, memory)
         down = self.contribution(q - STEP, actuation, memory)
@@ -79,11 +79,11 @@ class LawTerms:
             *((getattr(up, name) - getattr(down, name)) / (2 * STEP) for name in Contribution.__annotations__)
         )
 
-    def advance(self, q: Array, actuation: float, memory: Memory) -> Memory:
+    def advance(self, q: Array, actuation: float, memory: TermMemory) -> TermMemory:
         """The memory after the step has ended at q (n, a)."""
         return replace(memory, previous=q.copy(), states=self._evaluate(q, actuation, memory)[1])
 
-    def _evaluate(self, q: Array, actuation: float, memory: Memory) -> tuple[Contribution, Array]:
+    def _evaluate(self, q: Array, actuation: float, memory: TermMemory) -> tuple[Contribution, Array]:
         values = Contribution(
             np.zeros(self.shape), np.ones(self.shape), np.ones(self.shape), np.zeros(self.shape)
         )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pliant.mechanics.efforts import JointEfforts
-from pliant.mechanics.terms import Memory
+from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -102,7 +102,7 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
     return tuple(paths)
 
 
-def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: Memory) -> float:
+def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: TermMemory) -> float:
     """The angle nearest to the present one at which the effort, which falls with the angle, is the opposing moment."""
 
     def unbalanced(angle: float) -> float:

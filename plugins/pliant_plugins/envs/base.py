@@ -147,11 +147,11 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
             return None
         frame = self._frame()
         if self._painter is None:
-            from pliant_plugins.viewing.drawing import Drawing
+            from pliant_plugins.viewing.drawing import SceneDrawing
             from pliant_plugins.viewing.painter import Painter
 
             scene, fitted = self._drawn()
-            self._painter = Painter(Drawing(scene, fitted, self._size), self._size, self._camera)
+            self._painter = Painter(SceneDrawing(scene, fitted, self._size), self._size, self._camera)
         picture: Picture = self._painter.picture(frame, 0)
         return picture
 

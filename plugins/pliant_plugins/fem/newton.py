@@ -174,7 +174,7 @@ Of = TypeVar("Of", bound=Functional)
 
 
 @dataclass(frozen=True, eq=False)
-class Point(Generic[Of]):
+class PathPoint(Generic[Of]):
     """A trial state x, whose last G entries are the globals, at one actuation: U and W there."""
 
     x: Array
@@ -206,31 +206,31 @@ class Reduced:
         return by_actuation, S[np.ix_(joint, others)] @ lever - S[np.ix_(joint, joint)]
 
 
-class System(Protocol):
+class FemSystem(Protocol):
     """A backend's discrete system. A step is what the unknowns v and the globals change by."""
 
     @property
     def count(self) -> int:
         """Number G of the globals."""
 
-    def evaluate(self, x: Array, actuation: float) -> Point[Any] | None:
+    def evaluate(self, x: Array, actuation: float) -> PathPoint[Any] | None:
         """U and W at x; None where a cell is inverted."""
 
-    def reduce(self, point: Point[Any]) -> Reduced:
+    def reduce(self, point: PathPoint[Any]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
 
     def step(self, inner: Array, globals_: Array) -> Array:
         """The change of x that belongs to one of the unknowns and the globals."""
 
-    def work(self, point: Point[Any], step: tuple[Array, Array], control: Control) -> float:
+    def work(self, point: PathPoint[Any], step: tuple[Array, Array], control: Control) -> float:
         """Work (J) of the residual along a step under a control, ≥ 0."""
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
+class FemEquilibrium:
     """A converged point with its reduced system, ready to be left again."""
 
-    point: Point[Any]
+    point: PathPoint[Any]
     reduced: Reduced
     iterations: int
 
@@ -239,22 +239,22 @@ class Equilibrium:
 class Newton:
     """Solves equilibria of one module under control of actuation and joint axes."""
 
-    system: System
+    system: FemSystem
     tolerance: Tolerance
 
-    def at(self, x: Array, actuation: float) -> Equilibrium:
+    def at(self, x: Array, actuation: float) -> FemEquilibrium:
         """The system at x, which the caller knows to be an equilibrium."""
         point = self.system.evaluate(x, actuation)
         if point is None:
             raise DivergedError("the state to start from has inverted cells")
-        return Equilibrium(point, self.system.reduce(point), 0)
+        return FemEquilibrium(point, self.system.reduce(point), 0)
 
-    def advance(self, start: Equilibrium, target: Control) -> Equilibrium:
+    def advance(self, start: FemEquilibrium, target: Control) -> FemEquilibrium:
         """Equilibrium at `target`. Raises `DivergedError`."""
         first, G = start.point, self.system.count
         globals_, efforts = first.x[-G:], -first.residual[-G:]
 
-        def step(here: Equilibrium, goal: float, patient: bool) -> tuple[Equilibrium, int]:
+        def step(here: FemEquilibrium, goal: float, patient: bool) -> tuple[FemEquilibrium, int]:
             control = target
             if goal != 1.0:
                 control = Control(
@@ -266,23 +266,23 @@ class Newton:
             way = _ToControl(self.system, control)
             predicted = way.moved(here.point, way.tangent(here.point, here.reduced), 1.0)
             point, count = way.converged(predicted, self.tolerance, goal == 1.0, patient)
-            return Equilibrium(point, self.system.reduce(point), count + 1), count + 1
+            return FemEquilibrium(point, self.system.reduce(point), count + 1), count + 1
 
         end, count = in_load_steps(start, step, self.tolerance.max_halvings)
-        return Equilibrium(end.point, end.reduced, count)
+        return FemEquilibrium(end.point, end.reduced, count)
 
 
 @dataclass(frozen=True, eq=False)
-class _ToControl(Iteration[Point[Any], tuple[Array, Array]]):
+class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
     """The iteration to one control."""
 
-    system: System
+    system: FemSystem
     target: Control
 
-    def correction(self, point: Point[Any]) -> tuple[Array, Array]:
+    def correction(self, point: PathPoint[Any]) -> tuple[Array, Array]:
         return self.tangent(point, self.system.reduce(point))
 
-    def tangent(self, point: Point[Any], reduced: Reduced) -> tuple[Array, Array]:
+    def tangent(self, point: PathPoint[Any], reduced: Reduced) -> tuple[Array, Array]:
         """Newton's step: actuation, held globals and all else move together, so that no part is left behind."""
         control, G = self.target, self.system.count
         rise, held, free = control.actuation - point.actuation, control.held, ~control.held
@@ -293,8 +293,8 @@ class _ToControl(Iteration[Point[Any], tuple[Array, Array]]):
         Z = reduced.solved
         return -Z[:, 0] - Z[:, 1:-1] @ change + Z[:, -1] * rise, change
 
-    def work(self, point: Point[Any], step: tuple[Array, Array]) -> float:
+    def work(self, point: PathPoint[Any], step: tuple[Array, Array]) -> float:
         return self.system.work(point, step, self.target)
 
-    def moved(self, point: Point[Any], step: tuple[Array, Array], length: float) -> Point[Any] | None:
+    def moved(self, point: PathPoint[Any], step: tuple[Array, Array], length: float) -> PathPoint[Any] | None:
         return self.system.evaluate(point.x + length * self.system.step(*step), self.target.actuation)

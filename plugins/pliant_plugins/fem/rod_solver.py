@@ -16,7 +16,7 @@ from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
-from pliant_plugins.fem.newton import Control, DivergedError, Equilibrium, Newton, SingularMatrixError
+from pliant_plugins.fem.newton import Control, DivergedError, FemEquilibrium, Newton, SingularMatrixError
 
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
 
@@ -36,7 +36,7 @@ class RodSolver(ModuleSolver):
         """The module's coordinates are u = scale · q, of the globals q at `places`, axis by axis."""
         self.problem, self.newton = problem, newton
         self._places, self._scales = places, np.array(scales)
-        self._known: deque[Equilibrium] = deque(maxlen=self.remembered)
+        self._known: deque[FemEquilibrium] = deque(maxlen=self.remembered)
 
     def rest(self) -> FemState:
         """The undeformed state with its slopes."""
@@ -84,7 +84,7 @@ class RodSolver(ModuleSolver):
         values = ", ".join(f"{axis} = {value:.4g} {unit}" for axis, value in held.items())
         return f" and {values}" if held else ""
 
-    def _at(self, x: Array, actuation: float) -> Equilibrium:
+    def _at(self, x: Array, actuation: float) -> FemEquilibrium:
         """The equilibrium at x, factorised anew unless it is remembered."""
         count = len(self._undeformed())
         if x.shape != (count,):
@@ -111,7 +111,7 @@ class RodSolver(ModuleSolver):
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * problem.span_m}
         return any(beyond[plane] > OVERLAP * problem.span_m for plane in problem.contact_planes)
 
-    def _state(self, equilibrium: Equilibrium, held: tuple[str, ...], begun: float) -> FemState:
+    def _state(self, equilibrium: FemEquilibrium, held: tuple[str, ...], begun: float) -> FemState:
         """Piece to module: u = c q, Π_module = E Π_piece, hence τ = −(E/c) ∂Π_piece/∂q.
 
         `begun` is the clock's time at which the state was asked for.

@@ -16,7 +16,7 @@ from pliant.pipeline.motion import at_times
 from pliant.records.motion import Motion
 from pliant.records.scene import SceneFrames
 from pliant_plugins.viewing.camera import camera
-from pliant_plugins.viewing.drawing import Drawing
+from pliant_plugins.viewing.drawing import SceneDrawing
 from pliant_plugins.viewing.painter import Painter
 
 STEP_S = 1 / 30
@@ -29,7 +29,7 @@ class MujocoViewer(Viewer):
     """Surfaces bent smoothly across their joints, a floor with a grid of round size, shadows."""
 
     def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        with Painter(Drawing(motion.scene, motion.seen or motion.frames, size), size, view) as painter:
+        with Painter(SceneDrawing(motion.scene, motion.seen or motion.frames, size), size, view) as painter:
             for index in range(len(motion.frames.time_s)):
                 yield painter.picture(motion.frames, index)
 
@@ -52,7 +52,7 @@ class MujocoViewer(Viewer):
 def replay(motion: Motion) -> None:
     """The motion over and over at its own pace until the window is closed."""
     frames = motion.frames
-    drawing = Drawing(motion.scene, frames, WINDOW)
+    drawing = SceneDrawing(motion.scene, frames, WINDOW)
     length_s = float(frames.time_s[-1] - frames.time_s[0])
     with _opened(drawing) as viewer:
         while viewer.is_running():
@@ -65,7 +65,7 @@ def replay(motion: Motion) -> None:
 
 def drive(motion: Motion, handle: Handle) -> None:
     """Sliders under "Control" set the inputs; the simulation follows them in real time while it can."""
-    drawing = Drawing(motion.scene, motion.frames, WINDOW, sliders=handle.inputs)
+    drawing = SceneDrawing(motion.scene, motion.frames, WINDOW, sliders=handle.inputs)
     names = list(handle.inputs)
     with _opened(drawing) as viewer:
         while viewer.is_running():
@@ -77,7 +77,7 @@ def drive(motion: Motion, handle: Handle) -> None:
 
 
 @contextmanager
-def _opened(drawing: Drawing) -> Iterator[Any]:
+def _opened(drawing: SceneDrawing) -> Iterator[Any]:
     import mujoco.viewer
 
     others = set(threading.enumerate())
@@ -100,7 +100,7 @@ def _opened(drawing: Drawing) -> Iterator[Any]:
             thread.join(CLOSING_S)
 
 
-def _show(viewer: Any, drawing: Drawing, frame: SceneFrames) -> None:
+def _show(viewer: Any, drawing: SceneDrawing, frame: SceneFrames) -> None:
     with viewer.lock():
         drawing.place(frame, 0)
     viewer.sync()

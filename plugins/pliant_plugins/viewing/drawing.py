@@ -45,7 +45,7 @@ class Extent:
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
 
-class Drawing:
+class SceneDrawing:
     """The model, its data, and how a frame goes into them.
 
     Args:

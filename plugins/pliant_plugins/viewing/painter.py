@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pliant.errors import MissingDependencyError
 from pliant.records.scene import SceneFrames
 from pliant_plugins.viewing.camera import camera
-from pliant_plugins.viewing.drawing import Drawing
+from pliant_plugins.viewing.drawing import SceneDrawing
 
 Picture = NDArray[np.uint8]
 MOST_GEOMS = 5000
@@ -28,7 +28,7 @@ class Painter:
         UserError: no OpenGL that draws without a screen.
     """
 
-    def __init__(self, drawing: Drawing, size: tuple[int, int], view: str, caption: bool = True) -> None:
+    def __init__(self, drawing: SceneDrawing, size: tuple[int, int], view: str, caption: bool = True) -> None:
         self.drawing, self.size, self._caption = drawing, size, caption and size[1] >= CAPTION_FROM_PX
         self._gl: Any = context(*size)
         self._gl.make_current()

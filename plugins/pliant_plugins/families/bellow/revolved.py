@@ -17,7 +17,7 @@ from pliant_plugins.families.bellow.profile import BellowProfile
 
 
 @dataclass(frozen=True)
-class Counts:
+class RevolvedCounts:
     """Elements along each edge: each arc, flank, a quarter turn about the axis, through the wall.
 
     Two through the wall: with one, bending of the flanks comes out 10 % too soft.
@@ -29,13 +29,13 @@ class Counts:
     wall: int
 
     @staticmethod
-    def of(profile: BellowProfile, refinement: int, arc: int = 2, quarter: int = 3) -> Counts:
+    def of(profile: BellowProfile, refinement: int, arc: int = 2, quarter: int = 3) -> RevolvedCounts:
         """Counts of a design: all given but the flank's, which follows its length."""
         flank = int(np.ceil(profile.flank_m / (0.7 * profile.module_length_m)))
-        return Counts(*(refinement * n for n in (arc, flank, quarter, 2)))
+        return RevolvedCounts(*(refinement * n for n in (arc, flank, quarter, 2)))
 
 
-def half_profile(profile: BellowProfile, counts: Counts) -> tuple[Array, Array]:
+def half_profile(profile: BellowProfile, counts: RevolvedCounts) -> tuple[Array, Array]:
     """x and radius [i, k] of the wall from mid-crest to mid-trough, k through the wall from the cavity."""
     depth = profile.wall_m * np.linspace(-0.5, 0.5, 2 * counts.wall + 1)
     arc = np.linspace(0, np.pi / 2, 2 * counts.arc + 1)[:, None]
@@ -48,7 +48,9 @@ def half_profile(profile: BellowProfile, counts: Counts) -> tuple[Array, Array]:
     return x, radius
 
 
-def sector(profile: BellowProfile, counts: Counts, quarters: int, axis_height_m: float = 0.0) -> ModuleMesh:
+def sector(
+    profile: BellowProfile, counts: RevolvedCounts, quarters: int, axis_height_m: float = 0.0
+) -> ModuleMesh:
     """Half a module, x ∈ [0, l/2] from mid-crest to mid-trough, φ from 0 to 1 or 2 quarter turns.
 
     Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `level` (the plane z = axis height where one
@@ -67,7 +69,7 @@ def sector(profile: BellowProfile, counts: Counts, quarters: int, axis_height_m:
     return _mesh(nodes, ids, sets)
 
 
-def ring(profile: BellowProfile, counts: Counts, axis_height_m: float = 0.0) -> ModuleMesh:
+def ring(profile: BellowProfile, counts: RevolvedCounts, axis_height_m: float = 0.0) -> ModuleMesh:
     """A whole module, x ∈ [0, l] from mid-trough over the crest to mid-trough, the full circumference.
 
     Node sets: `start` and `end`, whose nodes correspond in order, and `crest`, the section at mid-module.

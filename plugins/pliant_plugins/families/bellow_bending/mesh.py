@@ -84,7 +84,7 @@ class BellowGeometry(BellowProfile):
 
 
 @dataclass(frozen=True)
-class Counts:
+class BendingCounts:
     """Elements along each edge of the two grids."""
 
     foot_x: int
@@ -99,11 +99,11 @@ class Counts:
     side: int
 
     @staticmethod
-    def of(geometry: BellowGeometry, refinement: int) -> Counts:
+    def of(geometry: BellowGeometry, refinement: int) -> BendingCounts:
         """Counts of a design: all fixed but the flank's, which follows its length."""
         flank = int(np.ceil(geometry.flank_m / (0.2 * geometry.module_length_m)))
         base = (2, 2, flank, 3, 3, 7, 1, 1, 2, 1)
-        return Counts(*(refinement * n for n in base))
+        return BendingCounts(*(refinement * n for n in base))
 
 
 def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
@@ -111,7 +111,7 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
 
     Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `pin` (the origin's node).
     """
-    counts = Counts.of(geometry, refinement)
+    counts = BendingCounts.of(geometry, refinement)
     wall = _wall(geometry, counts)
     foot = (2 * counts.foot_x + 1, 2 * counts.foot_y + 1)
     plate = _plate(geometry, counts, wall[: foot[0], : foot[1], -1])
@@ -131,7 +131,7 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
     return ModuleMesh(nodes, cells, grid_faces(wall_ids[:, :, 0]), skin, sets)
 
 
-def _wall(geometry: BellowGeometry, counts: Counts) -> Array:
+def _wall(geometry: BellowGeometry, counts: BendingCounts) -> Array:
     """Wall nodes [i, j, k, 3] in the module frame."""
     alpha, phi = _crest_angles(geometry, counts)
     depth = geometry.wall_m * np.linspace(0, 1, 2 * counts.wall + 1)
@@ -164,7 +164,7 @@ def _spread(x: Array, radius: Array, phi: Array) -> tuple[Array, Array, Array]:
     )
 
 
-def _crest_angles(geometry: BellowGeometry, counts: Counts) -> tuple[Array, Array]:
+def _crest_angles(geometry: BellowGeometry, counts: BendingCounts) -> tuple[Array, Array]:
     """Angles [i, j] of the crest's nodes: α along the arc, φ around the axis from the plate."""
     a, t, Rc = geometry.arc_radius_m, geometry.wall_m, geometry.crest_radius_m
     i1, j1 = 2 * counts.foot_x, 2 * counts.foot_y
@@ -187,7 +187,7 @@ def _foot_width(geometry: BellowGeometry) -> float:
     return float(min(1.0, np.sqrt((Rc / np.sqrt(1 - sine**2) - Rc) / t)))
 
 
-def _plate(geometry: BellowGeometry, counts: Counts, foot: Array) -> Array:
+def _plate(geometry: BellowGeometry, counts: BendingCounts, foot: Array) -> Array:
     """Plate nodes [I, J, m, 3]: columns that hang from the foot and, beside it, from the top plane."""
     t, half, R = geometry.wall_m, geometry.half_length_m, geometry.average_radius_m
     edge_x, edge_y = foot[-1], foot[:, -1]  # the foot's far edges along x and along y

@@ -21,7 +21,7 @@ from pliant.records.law import JointKind
 from pliant.units import Force, Length
 from pliant_plugins.families.bellow.module import MidSurfaceBellow, MidSurfaceConfig
 from pliant_plugins.families.bellow.profile import BellowProfile, mm
-from pliant_plugins.families.bellow.revolved import Counts, ring, sector
+from pliant_plugins.families.bellow.revolved import RevolvedCounts, ring, sector
 
 OFFSET = 0.825  # of r
 ALL = ("x", "y", "z")
@@ -116,7 +116,10 @@ class BellowHelical(MidSurfaceBellow):
     def _half_module(self, refinement: int) -> ModuleProblem:
         return ModuleProblem(
             mesh=sector(
-                self.geometry, Counts.of(self.geometry, refinement), quarters=2, axis_height_m=self.offset_m
+                self.geometry,
+                RevolvedCounts.of(self.geometry, refinement),
+                quarters=2,
+                axis_height_m=self.offset_m,
             ),
             span_m=self.geometry.half_length_m,
             reference_z_m=0.0,
@@ -137,7 +140,7 @@ class BellowHelical(MidSurfaceBellow):
         if self._rigid_crest:
             fixed, tied = {**fixed, "crest": (0,)}, {**tied, "crest": (1, 2)}
         return ModuleProblem(
-            mesh=ring(self.geometry, Counts.of(self.geometry, refinement), self.offset_m),
+            mesh=ring(self.geometry, RevolvedCounts.of(self.geometry, refinement), self.offset_m),
             span_m=self.module_length_m,
             reference_z_m=0.0,
             deformation_scale=1.0,
@@ -158,7 +161,9 @@ class BellowHelical(MidSurfaceBellow):
         return Closing(outer, self.offset_m, (1 - CLOSED) * self.module_length_m)
 
     def _half_section(self) -> ModuleMesh:
-        return sector(self.geometry, Counts.of(self.geometry, 1), quarters=2, axis_height_m=self.offset_m)
+        return sector(
+            self.geometry, RevolvedCounts.of(self.geometry, 1), quarters=2, axis_height_m=self.offset_m
+        )
 
     @property
     def unmeshed_volume_m3(self) -> float:

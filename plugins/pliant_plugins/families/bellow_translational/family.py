@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.records.law import JointKind
 from pliant_plugins.families.bellow.module import MidSurfaceBellow, MidSurfaceConfig
-from pliant_plugins.families.bellow.revolved import Counts, sector
+from pliant_plugins.families.bellow.revolved import RevolvedCounts, sector
 
 
 class BellowTranslationalConfig(MidSurfaceConfig):
@@ -45,9 +45,9 @@ class BellowTranslational(MidSurfaceBellow):
             joint="prismatic",
         )
 
-    def _counts(self, refinement: int = 1) -> Counts:
+    def _counts(self, refinement: int = 1) -> RevolvedCounts:
         """Finer than a bellow that bends: stretching it strains the whole circumference."""
-        return Counts.of(self.geometry, refinement, arc=3, quarter=4)
+        return RevolvedCounts.of(self.geometry, refinement, arc=3, quarter=4)
 
     def _half_section(self) -> ModuleMesh:
         return sector(self.geometry, self._counts(), quarters=2)

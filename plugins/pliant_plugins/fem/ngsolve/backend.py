@@ -25,7 +25,7 @@ from pliant.records.design import Array
 from pliant.records.fem import FemState, IntArray, ModuleFields, ModuleProblem
 from pliant_plugins.fem.config import NgsolveConfig
 from pliant_plugins.fem.constraints import Constraints
-from pliant_plugins.fem.newton import Control, Newton, Point, Reduced, SingularMatrixError, Tolerance
+from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, Forms, build_forms
 from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
 from pliant_plugins.fem.ngsolve.mesh import LATTICE, curved_mesh, eliminate, nodal_table
@@ -52,7 +52,7 @@ class _Scatter:
     weight: Array
 
 
-class System:
+class NgsolveSystem:
     """Functionals of one problem over the unknowns that its constraints leave."""
 
     def __init__(self, forms: Forms, elimination: Constraints, threads: int) -> None:
@@ -72,14 +72,14 @@ class System:
         """The change of x."""
         return np.concatenate([self.elimination.spread @ inner, globals_])
 
-    def work(self, point: Point[Value], step: tuple[Array, Array], control: Control) -> float:
+    def work(self, point: PathPoint[Value], step: tuple[Array, Array], control: Control) -> float:
         """Σ |r_i Δ_i| over what is free."""
         residual, k = point.residual, self.count
         efforts, free = residual[-k:] + control.effort, ~control.held
         inner, change = np.abs(residual[:-k] * step[0]).sum(), np.abs(efforts[free] * step[1][free]).sum()
         return float(inner + change)
 
-    def evaluate(self, x: Array, actuation: float) -> Point[Value] | None:
+    def evaluate(self, x: Array, actuation: float) -> PathPoint[Value] | None:
         """Values and gradients at x; `None` where they do not exist (a cell is inverted)."""
         if not np.all(np.isfinite(x)):
             return None
@@ -89,9 +89,9 @@ class System:
             gradients = [self._applied(form) for form in (self.forms.stored, self.forms.worked)]
         if not (np.isfinite(energy) and all(np.all(np.isfinite(g)) for g in gradients)):
             return None
-        return Point(x, actuation, Value(float(energy), gradients[0]), Value(float(travel), gradients[1]))
+        return PathPoint(x, actuation, Value(float(energy), gradients[0]), Value(float(travel), gradients[1]))
 
-    def reduce(self, point: Point[Value]) -> Reduced:
+    def reduce(self, point: PathPoint[Value]) -> Reduced:
         """Assemble, factorise and condense at a point. Raises `SingularMatrixError`."""
         with self._at(point.x):
             self.forms.stored.AssembleLinearization(self._vector)
@@ -269,7 +269,7 @@ class NgsolveSolver(RodSolver):
         mesh = curved_mesh(problem.mesh)
         forms = build_forms(mesh, problem, material, config.order)
         scalar = ngs.H1(mesh, order=config.order)
-        self.system = System(
+        self.system = NgsolveSystem(
             forms,
             eliminate(problem, scalar, forms.space.ndof - len(forms.globals_)),
             config.threads,

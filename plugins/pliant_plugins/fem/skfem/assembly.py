@@ -20,7 +20,7 @@ from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
-from pliant_plugins.fem.skfem.kinematics import Motion, Pointwise, Variables, motion, strain_energy
+from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
@@ -111,7 +111,7 @@ class Assembler:
         dilatation = self._dilatation(x)
         return None if dilatation is None else 1 + dilatation[0]
 
-    def _motion(self, x: Array) -> Motion:
+    def _motion(self, x: Array) -> RodMotion:
         local = self.positions(x)[self.cells.nodes]
         m, q = self.cells.weight.shape
         S = self.cells.gradient.reshape(m, 3 * q, 27) @ local

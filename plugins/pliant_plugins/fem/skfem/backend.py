@@ -14,7 +14,7 @@ from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.newton import Control, Newton, Point, Reduced, SingularMatrixError, Tolerance
+from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
 from pliant_plugins.fem.rod_solver import RodSolver, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
@@ -34,14 +34,14 @@ class ModuleSystem:
         """Number G of the active globals."""
         return self.assembler.globals.count
 
-    def evaluate(self, x: Array, actuation: float) -> Point[Terms] | None:
+    def evaluate(self, x: Array, actuation: float) -> PathPoint[Terms] | None:
         """U and W to second order at x; None where a cell is inverted."""
         if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
         energy = self.assembler.elastic_energy(x)
-        return None if energy is None else Point(x, actuation, energy, self.assembler.travel(x))
+        return None if energy is None else PathPoint(x, actuation, energy, self.assembler.travel(x))
 
-    def reduce(self, point: Point[Terms]) -> Reduced:
+    def reduce(self, point: PathPoint[Terms]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
         potential, G = point.energy.plus(-point.actuation, point.travel), self.count
         columns = np.column_stack([potential.gradient, potential.border, point.travel.gradient])
@@ -56,7 +56,7 @@ class ModuleSystem:
         """The change of x."""
         return np.concatenate([self.assembler.pattern.expand(inner), globals_])
 
-    def work(self, point: Point[Terms], step: tuple[Array, Array], control: Control) -> float:
+    def work(self, point: PathPoint[Terms], step: tuple[Array, Array], control: Control) -> float:
         """|residual · step| over the unknowns; multipliers count with the other sign."""
         residual, G = point.residual, self.count
         residual[-G:] = np.where(control.held, 0.0, residual[-G:] + control.effort)

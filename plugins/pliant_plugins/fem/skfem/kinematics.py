@@ -85,7 +85,7 @@ class Variables:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RodMotion:
     """F (m, q, 3, 3) with what it is made of: g and ∂g (m, q, rows[, used]), S₁ (m, q, 3), ∂²g (rows, used, used)."""
 
     F: Array
@@ -95,7 +95,7 @@ class Motion:
     bilinear: Array
 
 
-def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) -> Motion:
+def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) -> RodMotion:
     """F at S (m, q, 3, 3), without e, and ρ (m, q, 2)."""
     rows = variables.rows
     bilinear = CROSS[:rows][:, variables.used][:, :, variables.used]
@@ -106,11 +106,11 @@ def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) 
     F = S.copy()
     F[..., 0, :] = first
     F[..., :rows, :] += g[..., None] * first[..., None, :]
-    return Motion(F, g, dg, first, bilinear)
+    return RodMotion(F, g, dg, first, bilinear)
 
 
 def strain_energy(
-    variables: Variables, material: Material, at: Motion, dilatation: tuple[Array, Array] | None = None
+    variables: Variables, material: Material, at: RodMotion, dilatation: tuple[Array, Array] | None = None
 ) -> Pointwise | None:
     """Strain energy density W(F), of mixed cells at ϑ − 1 and q/K (m, q) too; `None` where a cell is inverted."""
     law = pointwise(material, at.F) if dilatation is None else mixed(material, at.F, *dilatation)
@@ -134,7 +134,7 @@ def strain_energy(
     return Pointwise(law.energy, gradient, hessian)
 
 
-def _slope(variables: Variables, at: Motion) -> Array:
+def _slope(variables: Variables, at: RodMotion) -> Array:
     """∂F/∂(variables) (m, q, 9, n), or that of (F, ϑ, q) (m, q, 11, n)."""
     place = variables.volume
     dF = np.zeros((*at.g.shape[:2], 9 if place is None else 11, variables.count))

@@ -12,6 +12,9 @@ Y_j = (T/L)(1 − d dᵀ) J_j. Its factor then has the same form, L_ji = Y_jᵀ 
     L_ii L_iiᵀ = K_ii + s 1 − Y_iᵀ P_i Y_i,   W_i L_iiᵀ = U_i − P_i Y_i.
 
 (Semiseparable matrices: Vandebril, Van Barel & Mastronardi 2008, chapter 4.)
+
+Functions that are called from one place are inlined before types are known: each would be compiled and optimised on
+its own, and again in all that lead to it.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from numba import njit
 
 from pliant.mechanics.efforts import DOMAIN_ROUNDING
 from pliant.mechanics.statics import NEUTRAL_SHARE
+from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.statics import balance, new_frame, place, potential, stiffen
 
 SUFFICIENT_DECREASE = 1e-4
@@ -158,6 +162,17 @@ def _largest(values):  # type: ignore[no-untyped-def]
     return largest
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _product(first, second):  # type: ignore[no-untyped-def]
+    """Σ of the products of two (n, a)."""
+    n, a = first.shape
+    total = 0.0
+    for i in range(n):
+        for b in range(a):
+            total += first[i, b] * second[i, b]
+    return total
+
+
 @njit(cache=True, nogil=True)
 def _dense(parts):  # type: ignore[no-untyped-def]
     n, a, _ = parts[0].shape
@@ -167,20 +182,49 @@ def _dense(parts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
-    """Moves q along the mode, in the direction that goes lower."""
-    body, laws, loads = chain
-    push = (mode * (length / np.abs(mode).max())).reshape(q.shape)
-    place(body, q - push, frame)
-    down = potential(body, laws, loads, q - push, frame)
-    place(body, q + push, frame)
-    if potential(body, laws, loads, q + push, frame) <= down:
-        q += push
-    else:
-        q -= push
+def _fold(flat, share, rows):  # type: ignore[no-untyped-def]
+    """Fills rows (n, a) with a share of what stands in one line (n·a,)."""
+    n, a = rows.shape
+    for i in range(n):
+        for b in range(a):
+            rows[i, b] = share * flat[i * a + b]
 
 
 @njit(cache=True, nogil=True)
+def _unfold(rows):  # type: ignore[no-untyped-def]
+    """Rows (n, a) in one line (n·a,)."""
+    n, a = rows.shape
+    flat = np.empty(n * a)
+    for i in range(n):
+        for b in range(a):
+            flat[i * a + b] = rows[i, b]
+    return flat
+
+
+@njit(cache=True, nogil=True)
+def _go(start, step, share, q):  # type: ignore[no-untyped-def]
+    """Fills q (n, a) with start + share · step."""
+    n, a = q.shape
+    for i in range(n):
+        for b in range(a):
+            q[i, b] = start[i, b] + share * step[i, b]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the mode, in the direction that goes lower."""
+    body, laws, loads = chain
+    start, push, energies = q.copy(), np.empty(q.shape), np.empty(2)
+    _fold(mode, length / _largest(mode), push)
+    for way in range(2):
+        _go(start, push, 2.0 * way - 1.0, q)
+        place(body, q, frame)
+        energies[way] = potential(body, laws, loads, q, frame)
+    if not energies[1] <= energies[0]:
+        _go(start, push, -1.0, q)
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
     """Moves q along the step (n, a), the `share` of a whole one, or less far.
 
@@ -190,9 +234,9 @@ def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignor
         largest residual, its norm, potential (or no number) where it ends; whether the step helped.
     """
     body, laws, loads = chain
-    slope = np.sum(frame[9] * step)
+    slope = _product(frame[9], step)
     start = q.copy()
-    q += step
+    _go(start, step, 1.0, q)
     size, reached = balance(body, laws, loads, q, frame)
     if positive and reached <= (1.0 - 0.1 * share) * norm:
         return size, reached, np.nan, True
@@ -211,16 +255,19 @@ def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignor
                 size, reached = balance(body, laws, loads, q, frame)
             return size, reached, below, True
         part *= 0.5
-        q[:] = start + part * step
+        _go(start, step, part, q)
         place(body, q, frame)
         below = potential(body, laws, loads, q, frame)
         moved = True
-    q[:] = start + step if whole < norm else start
+    if whole < norm:
+        _go(start, step, 1.0, q)
+    else:
+        copy_rows(start, q)
     size, reached = balance(body, laws, loads, q, frame)
     return size, reached, np.nan, whole < norm
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     """Moves q (n, a) to a stable equilibrium.
 
@@ -236,7 +283,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     tolerance, max_iterations, max_step = options
     body, laws, loads = chain
     size, norm = balance(body, laws, loads, q, frame)
-    energy = np.nan
+    energy, moved = np.nan, np.empty(q.shape)
     for iteration in range(max_iterations + 1):
         if not np.isfinite(size):
             return False, False, size, iteration
@@ -246,7 +293,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             if positive:
                 return True, True, size, iteration
             curvatures, modes = np.linalg.eigh(_dense(parts))
-            if curvatures[0] >= -NEUTRAL_SHARE * np.abs(curvatures).max():  # 0 within rounding
+            if curvatures[0] >= -NEUTRAL_SHARE * _largest(curvatures):  # 0 within rounding
                 return True, True, size, iteration
             if iteration < max_iterations:
                 _leave_saddle(chain, q, modes[:, 0].copy(), PUSH * max_step, frame)
@@ -255,9 +302,9 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             continue
         if iteration == max_iterations:
             return False, positive, size, iteration
-        step, scale = frame[9].ravel().copy(), _largest(parts[3])
+        step, scale = _unfold(frame[9]), _largest(parts[3])
         if positive and skewness > ROUNDING * scale:  # a law without an energy
-            step[:] = np.linalg.solve(_dense(parts), step)
+            copy(np.linalg.solve(_dense(parts), step), step)
         elif positive or np.isfinite(scale):
             # About the smallest shift that makes the stiffness positive.
             shift = 0.0 if positive else 1e-3 * scale + 1e-300
@@ -267,16 +314,18 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
         else:
             return False, False, size, iteration
         share = min(1.0, max_step / _largest(step))
-        moved = (share * step).reshape(q.shape)
+        _fold(step, share, moved)
         size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)
         if not helped:
             return False, positive, size, iteration + 1
     return False, False, size, max_iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
-    """Like `descend`, as an overdamped motion with ever longer steps, (K + δ 1) Δq = r.
+    """Moves q (n, a) along an overdamped motion with ever longer steps, (K + δ 1) Δq = r; returns their number.
+
+    Arguments are those of `descend`, which goes on from there.
 
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but it
     follows a long chain through curls and snaps, in which the residual must grow before it falls.
@@ -284,7 +333,7 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     tolerance, _, max_step = options
     body, laws, loads = chain
     size, _ = balance(body, laws, loads, q, frame)
-    damping = size / (RELAX_SHARE * max_step)
+    damping, moved = size / (RELAX_SHARE * max_step), np.empty(q.shape)
     done = 0
     while done < RELAX_ITERATIONS:
         done += 1
@@ -294,17 +343,17 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
         shift = damping
         while not factorise_chain(parts, shift) and np.isfinite(shift):
             shift = 2.0 * shift + 1e-12
-        step = frame[9].ravel().copy()
+        step = _unfold(frame[9])
         solve_chain(parts, step)
-        q += (min(1.0, max_step / _largest(step)) * step).reshape(q.shape)
+        _fold(step, min(1.0, max_step / _largest(step)), moved)
+        _go(q, moved, 1.0, q)
         reached, _ = balance(body, laws, loads, q, frame)
         damping *= min(max(reached / size, 0.1), 2.0)
         size = reached
-    converged, stable, size, more = descend(chain, q, frame, parts, options)
-    return converged, stable, size, done + more
+    return done
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _leaves_domain(boxes, signs, p, q, by_q):  # type: ignore[no-untyped-def]
     """Whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
     n, a = q.shape
@@ -326,12 +375,13 @@ def _leaves_domain(boxes, signs, p, q, by_q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def settle(body, laws, boxes, loads, q, markers, options, patient):  # type: ignore[no-untyped-def]
+def settle(body, laws, boxes, loads, q, markers, options):  # type: ignore[no-untyped-def]
     """Moves q (n, a) to a stable equilibrium and fills the markers (n + 2, 3) there.
+
+    Where the direct way fails it follows the overdamped motion from q.
 
     Args:
         body, laws, loads: see `descend`; boxes: `CompiledLaws.boxes`.
-        patient: follow the overdamped motion from q where the direct way fails.
 
     Returns:
         converged, stable, largest residual, iterations, whether a law leaves its domain.
@@ -340,12 +390,17 @@ def settle(body, laws, boxes, loads, q, markers, options, patient):  # type: ign
     frame = new_frame(n, a, len(laws[3]))
     parts = new_factor(n, a, 3 + 3 * len(loads[8]))
     chain = (body, laws, loads)
-    start = q.copy()
-    converged, stable, size, iterations = descend(chain, q, frame, parts, options)
-    if patient and not converged:
-        q[:] = start
-        converged, stable, size, more = relax(chain, q, frame, parts, options)
+    start, iterations = q.copy(), 0
+    converged, stable, size = False, False, np.inf
+    for way in range(2):  # one call of `descend` in the text: it is compiled into this once
+        if way == 1:
+            copy_rows(start, q)
+            iterations += relax(chain, q, frame, parts, options)
+        converged, stable, size, more = descend(chain, q, frame, parts, options)
         iterations += more
-    markers[: n + 1], markers[n + 1] = frame[0], frame[4][n]
+        if converged:
+            break
+    copy_rows(frame[0], markers)
+    copy(frame[4][n], markers[n + 1])
     outside = _leaves_domain(boxes, laws[3], loads[0], q, frame[7])
     return converged, stable, size, iterations, outside

@@ -23,6 +23,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from pliant.mechanics.terms import STEP as SLOPE_STEP
+from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import efforts
 from pliant_plugins.physics.compiled.terms import combine, net_input
 
@@ -225,7 +226,8 @@ def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-
         for b in range(a):
             at = (i * a + b) * each
             combine(terms, i, q[i, b], before[i, b], dt, net, temperature, states, at, new, at)
-    states[:], before[:] = new, q
+    copy(new, states)
+    copy_rows(q, before)
 
 
 @njit(cache=True, nogil=True)
@@ -248,7 +250,7 @@ def move(mujoco, laws, terms, joints, views, inputs, counts, options, memory, re
     dt, plain, kept = options
     own, none = (qpos, qvel, force, damping), np.zeros(len(memory[0]))
     for k in range(len(counts)):
-        tip[:] = tips[k]
+        copy(tips[k], tip)
         now = (p[k], moments[k], temperatures[k])
         for _ in range(counts[k]):
             for i in range(len(qvel)):
@@ -257,7 +259,7 @@ def move(mujoco, laws, terms, joints, views, inputs, counts, options, memory, re
             call_mujoco(step, model, data)
             if len(terms[0]):
                 remember(laws, terms, joints, qpos, now, dt, memory)
-        record[0][k] = qpos
+        copy(qpos, record[0][k])
         if len(record[1]):
             call_mujoco(kinematics, model, data)
-            record[1][k] = places
+            copy_rows(places, record[1][k])

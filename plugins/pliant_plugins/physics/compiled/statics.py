@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.statics import SHORTEST_CORD_M
+from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import efforts, law_potential
 
 SPHERICAL, PRISMATIC = 1, 2
@@ -114,7 +115,8 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
     turn, jacobian, seen = frame[11][0], frame[11][1], frame[11][2]
     phi = frame[11][3, 0]
     n, a = q.shape
-    origins[0], rotations[0] = position, rotation
+    copy(position, origins[0])
+    copy_rows(rotation, rotations[0])
     for i in range(n):
         rest = rest_frames[i]
         _times(rotations[i], rests[i], rest)
@@ -126,7 +128,7 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
             if kind == PRISMATIC:
                 origins[i + 1, c] += _row(rest, c, phi)
         if kind == PRISMATIC:
-            rotations[i + 1] = rest
+            copy_rows(rest, rotations[i + 1])
         else:
             x = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
             first, second, third = _coefficients(x)
@@ -204,7 +206,7 @@ def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
             for d in range(3):
                 own[c, d] = sums[c, d] - origins[i + 1, c] * total[d]
         if kind == PRISMATIC:
-            moments[i] = total
+            copy(total, moments[i])
         else:
             moments[i, 0] = own[1, 2] - own[2, 1]
             moments[i, 1] = own[2, 0] - own[0, 2]

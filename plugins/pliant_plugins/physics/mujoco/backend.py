@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pliant.interfaces.physics import Capabilities, PhysicsBackend, Run, Variation
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.mechanics.terms import Memory
+from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -182,7 +182,7 @@ class MujocoSimulation(DynamicSimulation):
             known = np.ones(len(later), bool)
         return np.concatenate([q, later]), np.concatenate([reached, known])
 
-    def _march(self, duration_s: float) -> Memory:
+    def _march(self, duration_s: float) -> TermMemory:
         """Move on in real time under the present loads; the memory of law terms at the end."""
         loads, config = self.now(), self._config
         if self.addresses is not None and not loads.forces and not loads.cords:
@@ -204,7 +204,7 @@ class MujocoSimulation(DynamicSimulation):
                 loads = self.joints.remember(loads)
         return self._memory if loads.memory is None else loads.memory.over(math.inf)
 
-    def _run(self, samples: Samples, places: bool = False) -> tuple[Array, Array, Memory]:
+    def _run(self, samples: Samples, places: bool = False) -> tuple[Array, Array, TermMemory]:
         """Coordinates (t, n, a), places of base, joints and tip (t, n + 2, 3) or (0, …), the memory at the end.
 
         The caller asks `unstable`.
@@ -229,7 +229,7 @@ class MujocoSimulation(DynamicSimulation):
                 record = (coordinates[here], seen[here] if places else seen)
                 move(*compiled, inputs, counts[here], options, (before, states.reshape(-1)), record)
         q = joints.coordinates(coordinates.reshape(t, -1, 4) if joints.ball else coordinates)
-        return q, seen, Memory(before, states, temperature_c=float(samples.temperature[-1]))
+        return q, seen, TermMemory(before, states, temperature_c=float(samples.temperature[-1]))
 
     def _complain(self, where: str) -> None:
         """A RuntimeWarning where the motion has become unbounded since the last call."""

@@ -25,7 +25,7 @@ from pliant.mechanics.rotations import (
     vector_of_quaternion,
 )
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.mechanics.terms import Memory
+from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.laws import CompiledLaws, compiled_terms
@@ -155,7 +155,7 @@ class ChainJoints:
         self._applied[:] = force + implicit * self._qvel if timed else force
         self._damping[:] = damping + implicit
 
-    def rested(self) -> Memory | None:
+    def rested(self) -> TermMemory | None:
         """What law terms know of the past in a virgin chain; None without terms."""
         return self.statics.efforts.terms.rested() if self._has_terms else None
 

@@ -18,7 +18,7 @@ from numba import njit
 
 from pliant.errors import UserError
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
-from pliant.mechanics.terms import Memory
+from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
@@ -65,7 +65,7 @@ class MujocoScene(ArmsScene):
             for k, (chain, statics) in enumerate(zip(self._chains, self._statics, strict=True))
         ]
         # What law terms know of the past, arm by arm; None where an arm has none.
-        self._memories: list[Memory | None] = [arm.rested() for arm in self._arms]
+        self._memories: list[TermMemory | None] = [arm.rested() for arm in self._arms]
         self._engine = (data.qpos, data.qfrc_applied, model.dof_damping)
         self._laws = _joined(self._arms)
         ends = np.cumsum([0, *(arm.n_joints for arm in self._arms)])

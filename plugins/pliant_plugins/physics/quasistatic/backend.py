@@ -24,7 +24,13 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver, minimise, sensitivity
+from pliant_plugins.physics.quasistatic.newton import (
+    ChainSolution,
+    NewtonOptions,
+    Solver,
+    minimise,
+    sensitivity,
+)
 from pliant_plugins.physics.stepping import Paths, Steppable, step_through
 
 if TYPE_CHECKING:
@@ -119,7 +125,7 @@ class QuasistaticSimulation(Steppable):
     def markers(self) -> Array:
         return self._statics.geometry.markers(self._q)
 
-    def _continue(self, direct: Solution) -> Solution:
+    def _continue(self, direct: ChainSolution) -> ChainSolution:
         """Walk from the last settled loads to the present ones in steps that shrink on failure.
 
         Ends with the better of the direct attempt and the walk when both fail.
@@ -198,8 +204,7 @@ class Quasistatic(PhysicsBackend):
 
         if is_compiled() if followed else is_cached("equilibrium", "settle"):
             return None
-        seconds = "twenty" if followed else "forty"
-        return f"compiling the simulation, about {seconds} seconds; this happens once after an installation."
+        return "compiling the simulation, about twenty seconds; this happens once after an installation."
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()

@@ -15,7 +15,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.equilibrium import settle
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver
+from pliant_plugins.physics.quasistatic.newton import ChainSolution, NewtonOptions, Solver
 
 KINDS = ("revolute", "spherical", "prismatic")
 MOST_PACKS = 256
@@ -117,13 +117,13 @@ def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> 
         return None
     parts = (body, laws.arrays, laws.boxes)
 
-    def solve(q: Array, loads: Loads) -> Solution:
+    def solve(q: Array, loads: Loads) -> ChainSolution:
         pressures = actuation_values(chain.actuators, loads.actuation)
         arrays = load_arrays(loads, pressures, chain.payload_kg)
         q, markers = q.copy(), np.empty((len(q) + 2, 3))
-        *found, outside = settle(*parts, arrays, q, markers, tuple(options), True)
+        *found, outside = settle(*parts, arrays, q, markers, tuple(options))
         converged, stable, size, iterations = found
-        return Solution(q, size, converged, stable, iterations, markers, not outside)
+        return ChainSolution(q, size, converged, stable, iterations, markers, not outside)
 
     if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
         solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))

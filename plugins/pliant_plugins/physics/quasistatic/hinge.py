@@ -1,20 +1,13 @@
 """Compiled: pieces of the loop of a hinge chain: effort of a joint, pose and loads, small systems of equations.
 
 Frames are turned so that every joint is a hinge about its own third axis. 3 × 3 products are written in scalars: the
-compiler keeps these in registers. Arrays are copied in loops: an assignment of slices makes numba compile its message
-about shapes that do not fit, and again in every function that leads to it; that was two thirds of the time that the
-kernel took to compile.
+compiler keeps these in registers.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
+from numba import njit
 
 from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant_plugins.physics.compiled.terms import combine, net_input
@@ -155,21 +148,6 @@ def weigh(axes, origins, points, masses, payload, gravity, force, load, turned):
         turned[i, 2] = tzx * a + tzy * b - (d + e) * c
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
-def copy(source, target):  # type: ignore[no-untyped-def]
-    """Fills target (n,)."""
-    for i in range(len(source)):
-        target[i] = source[i]
-
-
-@njit(cache=True, forceinline=True, error_model="numpy")
-def copy_rows(source, target):  # type: ignore[no-untyped-def]
-    """Fills target (n, m)."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
 @njit(cache=True, error_model="numpy")
 def solve(matrix, right):  # type: ignore[no-untyped-def]
     """matrix⁻¹ right by elimination with pivots; both are overwritten. Singular pivots become tiny ones."""
@@ -229,25 +207,3 @@ def substitute(factor, right):  # type: ignore[no-untyped-def]
         for k in range(i + 1, n):
             rest -= factor[k, i] * right[k]
         right[i] = rest * factor[i, i]
-
-
-@intrinsic
-def lent(typing_context, value):  # type: ignore[no-untyped-def]
-    """The same arrays, in a tuple of tuples, without a count of references; their owners must live."""
-
-    def lend(context: Any, builder: Any, kind: Any, whole: Any) -> Any:
-        if isinstance(kind, types.BaseTuple):
-            parts = zip(kind, cgutils.unpack_tuple(builder, whole, len(kind)), strict=True)
-            return context.make_tuple(builder, kind, [lend(context, builder, *part) for part in parts])
-        if not isinstance(kind, types.Array):
-            return whole
-        source, view = make_array(kind)(context, builder, whole), make_array(kind)(context, builder)
-        shape = cgutils.unpack_tuple(builder, source.shape)
-        strides = cgutils.unpack_tuple(builder, source.strides)
-        populate_array(view, source.data, shape, strides, source.itemsize, meminfo=None)
-        return view._getvalue()
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return lend(context, builder, signature.args[0], arguments[0])
-
-    return value(value), generate

@@ -20,15 +20,13 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from pliant_plugins.physics.compiled import discard_stale, laws, terms
+from pliant_plugins.physics.compiled import arrays, discard_stale, laws, terms
+from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
 from pliant_plugins.physics.compiled.terms import combine, net_input
 from pliant_plugins.physics.quasistatic import hinge
 from pliant_plugins.physics.quasistatic.hinge import (
-    copy,
-    copy_rows,
     effort,
     is_positive,
-    lent,
     pose,
     slope,
     solve,
@@ -36,7 +34,9 @@ from pliant_plugins.physics.quasistatic.hinge import (
     weigh,
 )
 
-SOURCES = tuple(Path(file) for file in (__file__, hinge.__file__, laws.__file__, terms.__file__))
+SOURCES = tuple(
+    Path(file) for file in (__file__, hinge.__file__, arrays.__file__, laws.__file__, terms.__file__)
+)
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
 # From a guess, steps that aim at this share of the tolerance.

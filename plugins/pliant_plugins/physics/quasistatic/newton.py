@@ -44,7 +44,7 @@ class NewtonOptions(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class ChainSolution:
     """Where the iteration ended: q (n, a), its largest residual, and what that point is.
 
     `markers` (n + 2, 3) and `inside`, no law outside its domain, are there where they cost nothing.
@@ -60,21 +60,21 @@ class Solution:
 
 
 # The stable equilibrium of one chain under any loads, reached from coordinates q (n, a).
-Solver = Callable[[Array, Loads], Solution]
+Solver = Callable[[Array, Loads], ChainSolution]
 
 
-def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> Solution:
+def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> ChainSolution:
     """Descend from q (n, a) to a stable equilibrium; `converged` is False if none is reached."""
     balance = statics.balance(q, loads)
     for iteration in range(options.max_iterations):
         size = _size(balance)
         if not np.isfinite(size):
-            return Solution(q, size, False, False, iteration)
+            return ChainSolution(q, size, False, False, iteration)
         positive = _is_positive(balance.stiffness)
         if size <= options.tolerance:
             mode = None if positive else unstable_mode(balance.stiffness)
             if mode is None:
-                return Solution(q, size, True, True, iteration)
+                return ChainSolution(q, size, True, True, iteration)
             q = _leave_saddle(statics, loads, q, mode.reshape(q.shape), PUSH * options.max_step)
             balance = statics.balance(q, loads)
             continue
@@ -84,11 +84,11 @@ def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptio
             step *= options.max_step / longest
         moved = _search(statics, loads, q, balance, step, positive)
         if moved is None:
-            return Solution(q, size, False, positive, iteration + 1)
+            return ChainSolution(q, size, False, positive, iteration + 1)
         q, balance = moved
     size = _size(balance)
     stable = unstable_mode(balance.stiffness) is None
-    return Solution(q, size, size <= options.tolerance and stable, stable, options.max_iterations)
+    return ChainSolution(q, size, size <= options.tolerance and stable, stable, options.max_iterations)
 
 
 def _size(balance: Balance) -> float:
