@@ -61,4 +61,6 @@ def _only(study: Study, name: str) -> str:
         return places[0]
     if places:
         raise UserError(f"'{name}' stands in several blocks: {', '.join(places)}; write one of these.")
-    raise UserError(f"no block of study '{study.name}' has a key '{name}'{closest(wanted, sorted({*known, *Study.model_fields}))}")
+    raise UserError(
+        f"no block of study '{study.name}' has a key '{name}'{closest(wanted, sorted({*known, *Study.model_fields}))}"
+    )

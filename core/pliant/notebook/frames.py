@@ -81,12 +81,16 @@ def laws(designs: Sequence[DesignStages]) -> Columns:
         left, right = law.domain.deformation[0]
         p, u = (
             grid.ravel()
-            for grid in np.meshgrid(np.linspace(low, high, PRESSURES), np.linspace(left, right, ANGLES), indexing="ij")
+            for grid in np.meshgrid(
+                np.linspace(low, high, PRESSURES), np.linspace(left, right, ANGLES), indexing="ij"
+            )
         )
         deformation = np.zeros((len(p), len(law.axes)))
         deformation[:, 0] = u
         effort = law.evaluate(p, deformation)
-        coordinate, unit = ("extension_m", "force_n") if law.joint == "prismatic" else ("angle_rad", "moment_n_m")
+        coordinate, unit = (
+            ("extension_m", "force_n") if law.joint == "prismatic" else ("angle_rad", "moment_n_m")
+        )
         parts.append(
             {
                 "design": np.full(len(p), number),
@@ -109,7 +113,13 @@ def module_data(data: ModuleData) -> Columns:
     for k, axis in enumerate(data.axes):
         end = f"_{axis}" if several else ""
         columns[coordinate + end], columns[effort + end] = data.deformation[:, k], data.tau[:, k]
-    return {**columns, "energy_j": data.energy_j, "branch": data.branch, "status": data.status, "role": data.role}
+    return {
+        **columns,
+        "energy_j": data.energy_j,
+        "branch": data.branch,
+        "status": data.status,
+        "role": data.role,
+    }
 
 
 def hypotheses(found: Diagnosis) -> Columns:
@@ -139,7 +149,9 @@ def history(found: SearchResult) -> Columns:
     for variable in found.variables:
         values = past.values[variable.name]
         chosen = variable.choices
-        columns[variable.name] = [chosen[int(v)] if np.isfinite(v) else None for v in values] if chosen else values
+        columns[variable.name] = (
+            [chosen[int(v)] if np.isfinite(v) else None for v in values] if chosen else values
+        )
     columns["status"] = [STATUSES[int(k)] for k in past.status]
     for k, (name, maximised) in enumerate(zip(found.objectives, found.maximised, strict=True)):
         columns[name] = (-1.0 if maximised else 1.0) * past.objectives[:, k]

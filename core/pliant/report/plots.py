@@ -65,7 +65,9 @@ def laws(designs: Sequence[DesignStages], ax: Axes | None = None) -> Axes:
     coordinate = "extension" if law.joint == "prismatic" else "joint angle"
     axes = _on(ax, f"{coordinate} ({angle.symbol})", f"effort ({effort.symbol})")
     low, high = (side if np.isfinite(side) else 0.0 for side in law.domain.actuation)
-    left, right = (side if np.isfinite(side) else k for side, k in zip(law.domain.deformation[0], (0, 1), strict=True))
+    left, right = (
+        side if np.isfinite(side) else k for side, k in zip(law.domain.deformation[0], (0, 1), strict=True)
+    )
     u = np.linspace(left, right, 101)
     deformation = np.zeros((len(u), len(law.axes)))
     deformation[:, law.axes.index("y") if "y" in law.axes else 0] = u
@@ -74,7 +76,9 @@ def laws(designs: Sequence[DesignStages], ax: Axes | None = None) -> Axes:
         main = tau[:, law.axes.index("y") if "y" in law.axes else 0]
         axes.plot(u * angle.factor, main * effort.factor, label=pressure.text(float(level), 3))
     if data is not None:
-        axes.plot(data.angle_rad * angle.factor, data.moment_n_m * effort.factor, "k.", markersize=3, label="data")
+        axes.plot(
+            data.angle_rad * angle.factor, data.moment_n_m * effort.factor, "k.", markersize=3, label="data"
+        )
     axes.legend()
     return axes
 
@@ -137,7 +141,9 @@ def steps(found: Improvement, ax: Axes | None = None) -> Axes:
     """The error over the noise floor after each step, on what nothing was fitted to."""
     axes = _on(ax, "", f"error over the noise floor, {found.scored_on}")
     ratios = [step.locked.over_floor for step in found.steps]
-    axes.errorbar(range(len(ratios)), ratios, yerr=[step.locked_se for step in found.steps], marker="o", capsize=3)
+    axes.errorbar(
+        range(len(ratios)), ratios, yerr=[step.locked_se for step in found.steps], marker="o", capsize=3
+    )
     axes.axhline(1.0, color="0.5", linewidth=0.8)
     labels = [f"+ {step.named}" if step.added else "as it was" for step in found.steps]
     axes.set_xticks(range(len(labels)), labels)
