@@ -11,6 +11,7 @@
 """
 
 import sys
+from importlib import import_module
 from typing import Any
 
 from pliant.environments import register_environments
@@ -27,8 +28,7 @@ def __getattr__(name: str) -> Any:
     """The functions of `__all__`, imported when they are first asked for: `import pliant` costs nothing."""
     if name not in __all__:
         raise AttributeError(f"module 'pliant' has no attribute '{name}'")
-    from pliant.notebook import study
-
+    study = import_module("pliant.notebook.study")
     return getattr(study, "open_study" if name == "open" else name)
 
 

@@ -65,6 +65,8 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         ),
         next(iter(arms), ()),
         digest if any(m.sha256 for m in measurements) else "",
+        tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),
+        {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
     )
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 
 from pliant.measurements.columns import unit_of
+from pliant.records.measurement import Doubt
 from pliant.tabular.units import conversion
 
 # Units that people record in, by SI unit.
@@ -42,8 +43,8 @@ BEYOND_OTHERWISE = 100.0
 
 def out_of_range(
     largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
-) -> list[str]:
-    """A sentence for each column whose largest magnitude does not fit its unit.
+) -> list[Doubt]:
+    """A doubt for each column whose largest magnitude does not fit its unit.
 
     Args:
         largest: the largest magnitude of each column in SI; the unit is in its name.
@@ -54,15 +55,19 @@ def out_of_range(
     alike: dict[tuple[float, float], float] = {}
     for name in largest.keys() & expected.keys():
         alike[expected[name]] = max(largest[name], alike.get(expected[name], 0.0))
-    remarks = (
-        _remark(name, value, expected.get(name), notes, alike.get(expected.get(name, (0.0, 0.0)), 0.0))
+    sentences = {
+        name: _sentence(
+            name, value, expected.get(name), notes, alike.get(expected.get(name, (0.0, 0.0)), 0.0)
+        )
         for name, value in largest.items()
         if value > 0
-    )
-    return [text for text in remarks if text]
+    }
+    return [Doubt(name, "unit", text) for name, text in sentences.items() if text]
 
 
-def _remark(name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float) -> str:
+def _sentence(
+    name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float
+) -> str:
     unit = unit_of(name)
     if unit == "degC":
         text = f"{name} reaches {largest:.4g} °C; kelvin?"
@@ -96,18 +101,27 @@ def _remark(name: str, largest: float, expected: tuple[float, float] | None, not
     return _advice(text, name, nearest[best] if best < distance(1.0) else "", notes)
 
 
-def time_remarks(step_s: float, whole: bool, notes: str) -> list[str]:
-    """One sentence where the usual step of the clock is no time in seconds: whole numbers, far apart."""
+def time_doubts(step_s: float, whole: bool, notes: str) -> list[Doubt]:
+    """One doubt where the usual step of the clock is no time in seconds: whole numbers, far apart."""
     if step_s < LONGEST_STEP_S or not whole:
         return []
-    return [_advice(f"time_s steps by {step_s:g}, in whole numbers", "time_s", "ms", notes)]
+    return [
+        Doubt(
+            "time_s", "unit", _advice(f"time_s steps by {step_s:g}, in whole numbers", "time_s", "ms", notes)
+        )
+    ]
+
+
+def as_remark(doubt: Doubt) -> str:
+    """A doubt's sentence among the remarks."""
+    return f"{TO_CHECK}: {doubt.sentence}" if doubt.kind == "unit" else doubt.sentence
 
 
 def _advice(text: str, name: str, written: str, notes: str) -> str:
     if not written:
-        return f"{TO_CHECK}: {text}. Nothing was changed."
+        return f"{text}. Nothing was changed."
     by = "" if written == "K" else f", a factor of {conversion(written, unit_of(name), name)[0]:g}"
     return (
-        f"{TO_CHECK}: {text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
+        f"{text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
         "Nothing was changed."
     )

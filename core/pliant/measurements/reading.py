@@ -16,10 +16,10 @@ from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
 from pliant.measurements.columns import MEASUREMENT, Header, outputs_among, read_header, unit_of
 from pliant.measurements.gathering import Gatherer, RunRows
-from pliant.measurements.plausible import out_of_range, time_remarks
+from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Doubt, MeasuredRun, Measurement
 from pliant.tabular.schema import notes_beside
 from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet
 from pliant.units import UnitError, parse_quantity
@@ -92,10 +92,21 @@ def read_measurement(
         )
         for run in runs
     ]
-    said += _look(runs, expected or {}, notes_name)
+    said += _look(runs)
+    doubts = _doubts(runs, expected or {}, notes_name)
+    said += map(as_remark, doubts)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return Measurement(tuple(runs), tuple(read), path.name, tuple(said), notes.markers_m, digest)
+    return Measurement(
+        tuple(runs),
+        tuple(read),
+        path.name,
+        tuple(said),
+        notes.markers_m,
+        digest,
+        tuple(doubts),
+        {column.name: column.in_unit for column in header.columns if column.unit},
+    )
 
 
 def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
@@ -251,9 +262,7 @@ def _without_excluded(
     return kept
 
 
-def _look(
-    runs: Sequence[MeasuredRun], expected: Mapping[str, tuple[float, float]], notes_name: str
-) -> list[str]:
+def _look(runs: Sequence[MeasuredRun]) -> list[str]:
     """What the values themselves make one ask."""
     histories = [run.history for run in runs]
     remarks = [f"Input '{name}' {NEVER_CHANGES}" for name, width in spans(histories).items() if width == 0]
@@ -262,10 +271,19 @@ def _look(
     silent = [run.name for run in runs if not any(np.isfinite(v).any() for v in run.outputs.values())]
     if silent:
         remarks.append(f"No reading in run {', '.join(silent[:10])}: only its inputs are followed.")
+    return remarks
+
+
+def _doubts(
+    runs: Sequence[MeasuredRun], expected: Mapping[str, tuple[float, float]], notes_name: str
+) -> list[Doubt]:
+    """Columns whose values do not fit what they are said to be."""
+    histories = [run.history for run in runs]
+    doubts: list[Doubt] = []
     if timed := [h.time_s for h in histories if h.time_s is not None and len(h) > 1]:
         whole = all(bool((t == np.round(t)).all()) for t in timed)
         step = float(np.median(np.concatenate([np.diff(t) for t in timed])))
-        remarks += time_remarks(step, whole, notes_name)
+        doubts += time_doubts(step, whole, notes_name)
     largest: dict[str, float] = {}  # magnitude of each column
     for run in runs:
         for name, values in {**run.history.signals(), **run.outputs}.items():
@@ -275,7 +293,7 @@ def _look(
     for i, name in enumerate(inputs):
         if any(unit_of(name) == unit_of(other) for other in inputs[:i]):
             del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
-    return remarks + out_of_range(largest, expected, notes_name)
+    return doubts + out_of_range(largest, expected, notes_name)
 
 
 def cycles(history: History, ranges: Mapping[str, float]) -> Array:

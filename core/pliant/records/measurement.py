@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -45,6 +45,21 @@ class MeasuredRun:
         return replace(self, outputs=dict(outputs))
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """A column that was read as it says, and may mean something else.
+
+    Attributes:
+        column: its name in the file.
+        kind: unit, zero, saturated, frozen, or order (rows that were sorted).
+        sentence: what makes one doubt, and the line of the notes that would settle it; it begins with the column.
+    """
+
+    column: str
+    kind: str
+    sentence: str
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """Runs with the same outputs, in the order in which they were done.
@@ -57,6 +72,8 @@ class Measurement:
         remarks: what the reader did or noticed that changes how results should be read, in sentences.
         marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
             markers are the chain's own (joints 1…N, then the tip as N + 1).
+        doubts: columns that may mean something else; `remarks` holds their sentences too.
+        written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
     """
 
     runs: tuple[MeasuredRun, ...]
@@ -65,6 +82,8 @@ class Measurement:
     remarks: tuple[str, ...] = ()
     marker_arms_m: tuple[float, ...] = ()
     sha256: str = ""
+    doubts: tuple[Doubt, ...] = ()
+    written: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:

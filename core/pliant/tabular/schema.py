@@ -45,6 +45,7 @@ class FileColumn:
         role: what it is for.
         unit: SI unit of `name`.
         scale, shift: value in SI = scale · written value + shift.
+        in_unit: the unit that it is written in.
     """
 
     written: str
@@ -53,6 +54,7 @@ class FileColumn:
     unit: str
     scale: float = 1.0
     shift: float = 0.0
+    in_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,9 @@ class Schema:
             if not known.unit:
                 raise UserError(f"column '{written}' has no unit; take it out of 'units'.")
             scale, shift = conversion(source, known.unit, f"column '{written}'")
-        return FileColumn(written, prefix + si, role, known.unit, scale, 0.0 if prefix else shift)
+        return FileColumn(
+            written, prefix + si, role, known.unit, scale, 0.0 if prefix else shift, source or known.unit
+        )
 
     def matched(
         self,
