@@ -45,22 +45,22 @@ class Simulated(Result[StudyRun]):
     @property
     def tip(self) -> Array:
         """(3,) settled position of the tip in the world, m."""
-        return self._final.final.tip_m  # type: ignore[no-any-return]
+        return self._final.final.tip_m
 
     @property
     def markers(self) -> Array:
         """(n + 2, 3) base, joints 1…n and tip in the world, m."""
-        return self._final.final.markers_m  # type: ignore[no-any-return]
+        return self._final.final.markers_m
 
     @property
     def joint_angles(self) -> Array:
         """(n, a) joint coordinates, rad (m where the joint slides)."""
-        return self._final.final.joint_angles  # type: ignore[no-any-return]
+        return self._final.final.joint_angles
 
     @property
     def metrics(self) -> Mapping[str, Any]:
         """What the task measured, SI, unit in the name."""
-        return self._final.metrics  # type: ignore[no-any-return]
+        return self._final.metrics
 
     @property
     def law(self) -> JointLaw:
