@@ -25,7 +25,8 @@ from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import listed
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_document
-from pliant.report.counts import counts_diagnosis_document, counts_document
+from pliant.report.count_hypotheses import counts_diagnosis_document
+from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 
 DataFile = Annotated[

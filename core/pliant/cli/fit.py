@@ -23,6 +23,7 @@ from pliant.records.law import JointLaw
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
 from pliant.report.fit_view import Fitted
 from pliant.report.meta import meta_document, stored_meta_page
+from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
 
 # Endings of what is meant as a table; those that are none are told so when they are read.
@@ -141,9 +142,9 @@ def fit_meta(
     found = designs_to_solve(bench, study, stage, count) if count is not None else []
     curve = design_learning_stage(bench, stage) if learning and out is not None else None
     inputs: Any = study.canonical()
-    more: Any = {"learning": curve, "proposals": found, "compared": beside}
-    document = meta_document(study.name, stage, inputs, **more)
-    here.show(document, out, stored_meta_page(bench, document, stage, inputs, **more))
+    fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
+    document = meta_document(study.name, fitted, inputs)
+    here.show(document, out, stored_meta_page(bench, document, fitted, inputs))
     if found:
         table = folder / TABLE
         write_proposals(found, table)

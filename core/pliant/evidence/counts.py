@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -191,8 +191,11 @@ class CountComparison:
         p_overdispersion: of sets that scatter binomially, by that χ²; 1 without repeats.
         n_repeated: conditions with more than one set.
         remarks: of the reader.
+        unit, source: of `rmse`, and where its floor comes from; the same for all counts.
     """
 
+    unit: ClassVar[str] = "1"
+    source: ClassVar[str] = "binomial"
     conditions: tuple[ConditionResult, ...]
     log_likelihood: float
     deviance: float

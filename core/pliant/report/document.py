@@ -40,6 +40,7 @@ class Column(Generic[Row]):
             by default the value itself as text.
         brief_show: the same for the terminal where it differs from the page's.
         unit: display unit of the row; `show` are then digits in this unit, which the terminal alone writes behind them.
+        none: the cell of a value that is None; so is every value behind a part of the path that is None.
     """
 
     value: str | Callable[[Row], Any]
@@ -51,6 +52,7 @@ class Column(Generic[Row]):
     show: int | Unit | Callable[[Any], str] = str
     brief_show: int | Unit | Callable[[Any], str] | None = None
     unit: Callable[[Row], Unit] | None = None
+    none: str = "–"
 
     @property
     def json_key(self) -> str:
@@ -69,6 +71,8 @@ class Column(Generic[Row]):
             return self.value(row)
         value: Any = row
         for part in self.value.split("."):
+            if value is None:
+                return None
             if isinstance(value, Mapping):
                 value = value[part]
             else:
@@ -83,6 +87,8 @@ class Column(Generic[Row]):
         if show is None and self.text is not None:
             return self.text(row)
         show, value = self.show if show is None else show, self.of(row)
+        if value is None:
+            return self.none
         if callable(show):
             return show(value)
         if isinstance(show, Unit):
@@ -117,6 +123,20 @@ def page_table(
     shown = [column for column in columns if column.head]
     return Table(
         title, [c.head for c in shown], [[c.cell(row) for c in shown] for row in rows], note, numeric
+    )
+
+
+def optional_table(
+    title: str, head: Cells, rows: Sequence[Cells], note: str = "", numeric: int = 1
+) -> Table | None:
+    """The table; None without rows."""
+    return Table(title, head, rows, note, numeric) if rows else None
+
+
+def named_values(title: str, values: Mapping[str, str | None], note: str = "") -> Table:
+    """A table of names and texts; what has no text is left out."""
+    return Table(
+        title, ["", "value"], [[name, text] for name, text in values.items() if text], note, numeric=9
     )
 
 
@@ -161,11 +181,14 @@ def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture |
     return None if png is None else Picture(name, caption, png)
 
 
-def section(title: str, *parts: Picture | Table | None, text: str = "", note: str = "") -> Section | None:
-    """A section of the pictures and tables that are there; None without any."""
+def section(
+    title: str, *parts: Picture | Table | None, text: str | Sequence[str] = (), note: str = ""
+) -> Section | None:
+    """A section of the pictures and tables that are there; None without any. `text`: one paragraph or several."""
     pictures = tuple(part for part in parts if isinstance(part, Picture))
     tables = tuple(part for part in parts if isinstance(part, Table))
-    return Section(title, pictures, tables, note, (text,) if text else ()) if pictures or tables else None
+    paragraphs = tuple(filter(None, [text] if isinstance(text, str) else text))
+    return Section(title, pictures, tables, note, paragraphs) if pictures or tables else None
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from pliant.records.fem import ModuleData
 from pliant.report.document import Document, Drawn, Table, Warned, as_json, brief_table, capital
 from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
-from pliant.report.fit_view import Fitted, unstable_places
+from pliant.report.fit_view import Fitted, slope_unit, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
@@ -335,10 +335,9 @@ def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
             f"band     90 %: ± {effort.text(half, 2)} ({percent(half / fitted.report.effort_range)} of the range) at "
             f"the median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
         ]
-    per = "m" if law.joint == "prismatic" else "rad"
-    given, u = actuation_unit(law.actuation_name), deformation_unit(law)
+    given, u, slope = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
     lines += [
-        f"unstable axis {one['axis']}: ∂τ/∂u = {effort.factor * one['slope']:+.2g} {effort.symbol}/{per} at "
+        f"unstable axis {one['axis']}: ∂τ/∂u = {slope.factor * one['slope']:+.2g} {slope.symbol} at "
         f"{given.text(one['actuation'])}, {u.text(one['deformation'])}"
         for one in unstable_places(law)
     ] or ["stable   the effort falls with u everywhere in the domain"]

@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
-from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.formatting import actuation_unit, deformation_unit, number, percent
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import FitReport
 from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
 from pliant.report.figures import style
 from pliant.report.figures.error_bars import coverage_picture
-from pliant.report.figures.fem import actuation_word, coordinate_words
+from pliant.report.figures.fem import actuation_words, coordinate_words
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.learning import learning_picture, state_curves
 from pliant.report.fit_tables import (
@@ -30,7 +30,7 @@ from pliant.report.fit_tables import (
     learning_table,
     settings_table,
 )
-from pliant.report.fit_view import Fitted, slope_grid
+from pliant.report.fit_view import Fitted, slope_grid, slope_unit
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import Manifests, closing_sections
 
@@ -143,9 +143,8 @@ def _learning(fitted: Fitted, count: int = 0) -> Section | None:
 
 def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
     """∂τ/∂u over the box."""
-    effort, several, largest = effort_unit(fitted.law), len(fitted.law.axes) > 1, fitted.least_stable
-    per = "m" if fitted.law.joint == "prismatic" else "rad"
-    shown = f"{number(effort.factor * largest, 3)} {effort.symbol}/{per}"
+    several, largest = len(fitted.law.axes) > 1, fitted.least_stable
+    shown = slope_unit(fitted.law).text(largest, 3)
     verdict = (
         f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
         if largest < 0
@@ -223,7 +222,7 @@ def _map_panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: s
             edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
         )  # fmt: skip
     axes.margins(0.07)
-    axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+    axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
     worst = part.rows(part.check).worst
     says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
     words = [f"axis {name}" if len(data.axes) > 1 else "", title]
@@ -235,9 +234,8 @@ def _norm(columns: Mapping[str, Residuals]) -> LogNorm:
     """Whole decades around all errors that are drawn."""
     shares = np.concatenate([m.share for m in columns.values()])
     shares = 100 * np.maximum(shares[np.isfinite(shares)], LOWEST)
-    low = 10.0 ** np.floor(np.log10(np.quantile(shares, 0.15) if len(shares) else 1e-3))
-    high = 10.0 ** np.ceil(np.log10(shares.max(initial=10 * low)))
-    return LogNorm(low, max(high, 10 * low), clip=True)
+    low = float(np.quantile(shares, 0.15)) if len(shares) else 1e-3
+    return style.decades(low, float(shares.max(initial=low)))
 
 
 def _legend(missed: Residuals) -> list[Any]:
@@ -261,13 +259,12 @@ FLAT = 0.02  # of the largest slope: less than that across the box is shown as o
 def slope_map(fitted: Fitted) -> style.Png:
     """One panel for each axis that was explored."""
     law, data, names = fitted.law, fitted.data, fitted.explored
-    p_unit, u_unit, effort = actuation_unit(law.actuation_name), deformation_unit(law), effort_unit(law)
-    per = "m" if law.joint == "prismatic" else "rad"
+    p_unit, u_unit, unit = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
     with style.canvas(1000 if len(names) == 1 else 1560, 600, wspace=0.03) as figure:
         grid = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(grid, names, strict=True):
             p, u, slopes = slope_grid(law, name)
-            x, y, shown = u * u_unit.factor, p * p_unit.factor, effort.factor * slopes
+            x, y, shown = u * u_unit.factor, p * p_unit.factor, unit.factor * slopes
             mesh = axes.contourf(x, y, shown, _levels(shown), cmap=style.pressure_map().reversed())
             if shown.max() >= 0 > shown.min():
                 axes.contour(x, y, shown, [0.0], colors=style.WARN, linewidths=2)
@@ -275,15 +272,15 @@ def slope_map(fitted: Fitted) -> style.Png:
             for colour, width, order in (("white", 2.6, 5), (style.INK, 1.3, 6)):
                 ring = {"mfc": "none", "mec": colour, "mew": width, "clip_on": False, "zorder": order}
                 axes.plot([x[j]], [y[i]], "o", ms=9, **ring)
-            label = rf"$\partial\tau/\partial u$ ({effort.symbol}/{per})"
+            label = rf"$\partial\tau/\partial u$ ({unit.symbol})"
             bar = style.colour_bar(figure, mesh, label, ax=axes, pad=0.02)
             bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
             axes.grid(False)
-            axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+            axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
             word = "softest" if shown.max() < 0 else "UNSTABLE"
             text = f"axis {name}: {word}" if len(names) > 1 else word
             largest = number(float(shown.max()), 3)
-            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {effort.symbol}/{per}")
+            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {unit.symbol}")
         return style.png(figure)
 
 
