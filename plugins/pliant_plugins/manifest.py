@@ -153,7 +153,7 @@ def _modules() -> list[Component]:
             interface="surrogate",
             kind="table",
             config=f"{HERE}.surrogates.config:TableConfig",
-            implementation=f"{HERE}.surrogates.table.surrogate:Table",
+            implementation=f"{HERE}.surrogates.table.surrogate:TableSurrogate",
             summary="measurements or FEM from elsewhere, interpolated and smoothed as far as they scatter",
         ),
         Component(

@@ -21,7 +21,7 @@ from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages, law_of_table,
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
-from pliant.report.fit_view import Fitted
+from pliant.report.fit_view import ReportedLaw
 from pliant.report.meta import meta_document, stored_meta_page
 from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
@@ -203,7 +203,7 @@ def fit_table(
     here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, Fitted]:
+def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
     stages = law_of_table(bench, source, kind)
     config: Any = stages.design.surrogate
     return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
