@@ -107,7 +107,11 @@ def test_markup_in_a_name_is_text_in_a_notebook(stated: StudyHandle, tmp_path: P
 def test_a_law_from_a_frame_is_that_of_its_file(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     p, u = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 15e3, 6), np.linspace(-0.2, 0.6, 7)))
-    table = {"pressure_pa": p, "angle_rad": u, "moment_n_m": 1.6e-6 * p - 1e-6 * p * u - 0.03 * u - 0.01 * u**2}
+    table = {
+        "pressure_pa": p,
+        "angle_rad": u,
+        "moment_n_m": 1.6e-6 * p - 1e-6 * p * u - 0.03 * u - 0.01 * u**2,
+    }
     frame = pandas.DataFrame(table)
     frame.to_csv(tmp_path / "table.csv", index=False)
     fits = [pliant.fit(data, store=tmp_path / "store") for data in (frame, tmp_path / "table.csv")]
