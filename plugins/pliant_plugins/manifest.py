@@ -162,6 +162,7 @@ def _modules() -> list[Component]:
             config=f"{HERE}.surrogates.config:NeuralConfig",
             implementation=f"{HERE}.surrogates.neural.surrogate:Neural",
             summary="small network of an energy, trained on values and slopes, of one to three axes",
+            example={"units": 16},
             lazy=("torch",),
             install="pip install 'pliant[neural]'",
         ),

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from pliant.config.chain import ChainConfig, SegmentConfig
+from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
@@ -186,6 +189,22 @@ def own_law(bench: Workbench, study: Study, design: DesignSpec) -> DesignStages:
     surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     fem = _fem(bench, study, design.family) if design.family and needs_fem(bench, design) else None
     return DesignStages(design, fem, law_stage(bench, surrogate, fem))
+
+
+def law_of_table(
+    bench: Workbench, table: Path, kind: str, settings: Mapping[str, Any] | None = None
+) -> DesignStages:
+    """The law that a surrogate of this kind, with these keys of its block, fits to a table of anybody's.
+
+    Raises:
+        UserError: a key that the surrogate does not have, or what is wrong with the table.
+    """
+    model = bench.registry.get("surrogate", kind).config_model()
+    try:
+        config: Any = model.model_validate({**(settings or {}), "kind": kind, "data": table})
+    except ValidationError as error:
+        raise UserError(sentences(error, model, lambda path: "", ("surrogate",))) from None
+    return DesignStages(DesignSpec(None, config), None, law_stage(bench, config, None))
 
 
 def needs_fem(bench: Workbench, design: DesignSpec) -> bool:
