@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,10 +94,14 @@ def open_study(
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
     """
-    registry = discover()
-    study = load_study(Path(path), registry, overrides, progress.note if progress else warnings.warn)
-    registry = with_files(registry, study.plugins)
-    return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
+    bench = workbench(store, progress)
+    study = load_study(Path(path), bench.registry, overrides, progress.note if progress else warnings.warn)
+    return OpenStudy(study, replace(bench, registry=with_files(bench.registry, study.plugins)))
+
+
+def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> Workbench:
+    """The installed plugins with a store, for what needs no study."""
+    return Workbench(discover(), ArtifactStore(Path(store)), progress or Silent())
 
 
 def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SweepRun:

@@ -153,7 +153,7 @@ def _modules() -> list[Component]:
             interface="surrogate",
             kind="table",
             config=f"{HERE}.surrogates.config:TableConfig",
-            implementation=f"{HERE}.surrogates.table.surrogate:Table",
+            implementation=f"{HERE}.surrogates.table.surrogate:TableSurrogate",
             summary="measurements or FEM from elsewhere, interpolated and smoothed as far as they scatter",
         ),
         Component(
@@ -162,6 +162,7 @@ def _modules() -> list[Component]:
             config=f"{HERE}.surrogates.config:NeuralConfig",
             implementation=f"{HERE}.surrogates.neural.surrogate:Neural",
             summary="small network of an energy, trained on values and slopes, of one to three axes",
+            example={"units": 16},
             lazy=("torch",),
             install="pip install 'pliant[neural]'",
         ),

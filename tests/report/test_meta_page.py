@@ -18,7 +18,7 @@ from pliant.execution.progress import Silent
 from pliant.formatting import percent
 from pliant.pipeline.learning import design_learning
 from pliant.pipeline.meta_model.cross_validation import misses_left_out, parts_of, scores_of
-from pliant.pipeline.meta_model.designs import Solved
+from pliant.pipeline.meta_model.designs import SourcedDesigns
 from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.stage import MetaModelStage
@@ -56,7 +56,7 @@ def of(designs: SolvedDesigns) -> MetaFitted:
     bars = Bars.of(designs, misses)
     artifact: Any = SimpleNamespace(value={"misses": vars(misses)})
     stage = MetaModelStage(
-        StandInMetaModelConfig(), Solved(designs, {}, "the sweep's 16 designs"), model().fit(designs).laws,
+        StandInMetaModelConfig(), SourcedDesigns(designs, {}, "the sweep's 16 designs"), model().fit(designs).laws,
         scores_of(designs, misses), bars.coverage(designs.corners()), bars, {"terms": 7, "regressor": "a_b"},
         4, 0.5, 2.0, artifact,
     )  # fmt: skip

@@ -14,16 +14,14 @@ from pliant.cli.options import Overrides, verb
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import DEFAULT_SURROGATE, Design, DesignStages, laws_of_study
-from pliant.pipeline.surrogate import law_stage
+from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages, law_of_table, laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
-from pliant.report.fit_view import Fitted
+from pliant.report.fit_view import ReportedLaw
 from pliant.report.meta import meta_document, stored_meta_page
 from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
@@ -205,14 +203,10 @@ def fit_table(
     here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, Fitted]:
-    config = (
-        bench.registry.get("surrogate", kind).config_model().model_validate({"kind": kind, "data": source})
-    )
-    assert isinstance(config, SurrogateConfig)
-    stage = law_stage(bench, config, None)
-    stages = DesignStages(Design(None, config), None, stage)
-    return stages, fitted_law(bench, kind, config, stage, learning=learning, source=source.name)
+def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
+    stages = law_of_table(bench, source, kind)
+    config: Any = stages.design.surrogate
+    return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
 
 
 def _check_free(source: Path, kind: str, out: Path) -> None:

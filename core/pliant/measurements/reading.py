@@ -106,6 +106,7 @@ def read_measurement(
         digest,
         tuple(doubts),
         {column.name: column.in_unit for column in header.columns if column.unit},
+        {column.name: column.written for column in header.columns},
     )
 
 

@@ -30,7 +30,7 @@ from pliant.report.fit_tables import (
     learning_table,
     settings_table,
 )
-from pliant.report.fit_view import Fitted, slope_grid, slope_unit
+from pliant.report.fit_view import ReportedLaw, slope_grid, slope_unit
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import Manifests, closing_sections
 
@@ -38,8 +38,8 @@ MARK = 1e-4  # of the range: what the learning curve marks
 
 
 def fit_drawn(
-    fitted: Sequence[Fitted],
-    compared: Sequence[Fitted],
+    fitted: Sequence[ReportedLaw],
+    compared: Sequence[ReportedLaw],
     study: Mapping[str, Any],
     manifests: Manifests,
     several: bool,
@@ -55,7 +55,7 @@ def fit_drawn(
     return drawn(hero, *sections, *closing_sections(study, manifests))
 
 
-def law_pictures(fitted: Fitted, count: int = 0) -> list[Picture]:
+def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
     """The law with its band and states, one picture for each axis."""
     pictures = []
     for k, axis in enumerate(fitted.explored):
@@ -69,7 +69,7 @@ def law_pictures(fitted: Fitted, count: int = 0) -> list[Picture]:
     return pictures
 
 
-def _law_caption(fitted: Fitted, axis: str) -> str:
+def _law_caption(fitted: ReportedLaw, axis: str) -> str:
     about = f"Axis {axis}, the others at zero on the curves. " if len(fitted.law.axes) > 1 else ""
     band = (
         "Shaded: the band that holds a state with a probability of 90 %, often thinner than the line; the same band "
@@ -86,7 +86,7 @@ def _law_caption(fitted: Fitted, axis: str) -> str:
     )
 
 
-def of_one(fitted: Fitted, count: int = 0) -> tuple[Section | None, ...]:
+def of_one(fitted: ReportedLaw, count: int = 0) -> tuple[Section | None, ...]:
     """All sections of one law: errors, their places, error bars, learning, slopes, cost."""
     each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
     errors = section(
@@ -113,7 +113,7 @@ def of_one(fitted: Fitted, count: int = 0) -> tuple[Section | None, ...]:
     )
 
 
-def bar_section(fitted: Fitted, count: int = 0) -> Section | None:
+def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """Whether the error bars hold; None for a law without them."""
     curves = fitted.coverage
     if not curves:
@@ -126,7 +126,7 @@ def bar_section(fitted: Fitted, count: int = 0) -> Section | None:
     return section("Are the error bars honest?", shown, coverage_table(curves))
 
 
-def _learning(fitted: Fitted, count: int = 0) -> Section | None:
+def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """Error against the number of states; None where it was not asked for or nothing could be fitted."""
     learning = fitted.learning
     if learning is None or not learning["points"]:
@@ -141,7 +141,7 @@ def _learning(fitted: Fitted, count: int = 0) -> Section | None:
     return section("How many states it takes", shown, learning_table(learning))
 
 
-def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
+def _slopes(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """∂τ/∂u over the box."""
     several, largest = len(fitted.law.axes) > 1, fitted.least_stable
     shown = slope_unit(fitted.law).text(largest, 3)
@@ -158,7 +158,7 @@ def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
     return section("Slopes: where the joint is soft", made, text=verdict)
 
 
-def comparison_section(fitted: Sequence[Fitted]) -> Section | None:
+def comparison_section(fitted: Sequence[ReportedLaw]) -> Section | None:
     """Several surrogates on the same states; None for one."""
     if len(fitted) < 2:
         return None
@@ -174,7 +174,7 @@ LOWEST = 1e-8  # share of the range below which errors are drawn alike
 HEIGHT = 470
 
 
-def residual_map(fitted: Fitted) -> style.Png:
+def residual_map(fitted: ReportedLaw) -> style.Png:
     """One row for each axis, one column for the law and for each of the study's forms."""
     beside = {
         title.replace("the study's form, ", "study's form, "): m for title, m in fitted.study_misses.items()
@@ -203,7 +203,9 @@ def residual_map(fitted: Fitted) -> style.Png:
         return style.png(figure)
 
 
-def _map_panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: str, norm: LogNorm) -> None:
+def _map_panel(
+    axes: Any, fitted: ReportedLaw, missed: Residuals, name: str, title: str, norm: LogNorm
+) -> None:
     data, k = fitted.data, missed.axes.index(name)
     part = missed.rows(missed.axis == k)
     p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
@@ -256,7 +258,7 @@ LEVELS = 14
 FLAT = 0.02  # of the largest slope: less than that across the box is shown as one colour
 
 
-def slope_map(fitted: Fitted) -> style.Png:
+def slope_map(fitted: ReportedLaw) -> style.Png:
     """One panel for each axis that was explored."""
     law, data, names = fitted.law, fitted.data, fitted.explored
     p_unit, u_unit, unit = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
@@ -294,7 +296,7 @@ def _levels(shown: Array) -> Array:
 SMALLEST = 1e-8
 
 
-def surrogate_bars(fitted: Sequence[Fitted]) -> style.Png:
+def surrogate_bars(fitted: Sequence[ReportedLaw]) -> style.Png:
     """Three panels of horizontal bars on log scales, the first surrogate at the top."""
     worst = [100 * f.report.worst_of_range for f in fitted]
     panels = (

@@ -14,7 +14,7 @@ from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
 from pliant.report.document import Cells, Column, Table, named_values, optional_table
-from pliant.report.fit_view import STUDY_FORMS, BandCoverage, Fitted, unstable_places
+from pliant.report.fit_view import STUDY_FORMS, BandCoverage, ReportedLaw, unstable_places
 from pliant.report.provenance import short_text, words
 
 PUBLISHED = 0.0826
@@ -30,7 +30,7 @@ TOLD = {
 }  # fmt: skip
 
 
-def errors_table(fitted: Fitted) -> Table:
+def errors_table(fitted: ReportedLaw) -> Table:
     """The law, the study's forms on the same states, the published figure."""
     effort, report = effort_unit(fitted.law), fitted.report
     rows: list[Cells] = [
@@ -82,7 +82,7 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
     return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
 
-def choice_table(fitted: Fitted, axis: str) -> Table | None:
+def choice_table(fitted: ReportedLaw, axis: str) -> Table | None:
     """The candidates of a cross-validation of one axis; None where the surrogate tells none."""
     details = fitted.axis_details(axis) or fitted.report.details
     found = details.get("cross_validation")
@@ -98,7 +98,7 @@ def choice_table(fitted: Fitted, axis: str) -> Table | None:
     return Table(title, [*(words(name) for name in names), ""], rows, note, numeric=0)
 
 
-def settings_table(fitted: Fitted) -> Table | None:
+def settings_table(fitted: ReportedLaw) -> Table | None:
     """Everything else that the fit tells in one word or number."""
     values: dict[str, str] = {}
     for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
@@ -158,7 +158,7 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
     return Table("Error by number of states", head, rows, note)
 
 
-def cost_table(fitted: Fitted) -> Table:
+def cost_table(fitted: ReportedLaw) -> Table:
     """What the law cost and what an evaluation costs."""
     each = fitted.fem_s / max(fitted.solved, 1)
     ratio = number(float(f"{each * fitted.per_second:.2g}"))
@@ -175,7 +175,7 @@ def cost_table(fitted: Fitted) -> Table:
     return named_values("Cost", values, note)
 
 
-SURROGATES: tuple[Column[Fitted], ...] = (
+SURROGATES: tuple[Column[ReportedLaw], ...] = (
     Column("name", "", head="surrogate", brief="kind"),
     Column("report.n_fitted", "", head="fitted"),
     Column("report.n_heldout", "", head="left out"),

@@ -30,7 +30,7 @@ LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class ReportedLaw:
     """A law with all that its page shows.
 
     Attributes:
@@ -160,7 +160,7 @@ class BandCoverage:
         return float(self.covered[int(np.argmin(np.abs(self.levels - level)))])
 
 
-def _coverage(fitted: Fitted) -> list[BandCoverage]:
+def _coverage(fitted: ReportedLaw) -> list[BandCoverage]:
     data, law, missed = fitted.data, fitted.law, fitted.misses
     part = missed.rows(missed.check)
     if law.error is None or not len(part.state):

@@ -67,6 +67,13 @@ class Misspelt(Gain):
         return model.with_(chain=model.chain.with_(payload_kg=self.config.gian))  # type: ignore[attr-defined]
 
 
+class Misstated(Gain):
+    """States its config again and misspells a key; no single check is about this."""
+
+    def apply(self, model: Model) -> Model:
+        return Gain(GainConfig(gian=self.config.gain)).apply(model)  # type: ignore[call-arg]
+
+
 variants = Variants(
     Component("effect", "small", f"{__name__}:GainConfig", f"{__name__}:Gain", "a gain", {"gain": 1.1})
 )
