@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +64,9 @@ from pliant.search.stage import search_study
 from pliant.store.store import Artifact, ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
-# Measurement files, read together in their order, or what was read; None are those that the study names.
-Data = str | Path | Sequence[str | Path] | Measurement | None
+# Measurement files, patterns for them or pandas frames, read together in their order, or what was read; None are those
+# that the study names.
+Data = Any
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,14 @@ def open_study(
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
     """
-    registry = discover()
-    study = load_study(Path(path), registry, overrides, progress.note if progress else warnings.warn)
-    registry = with_files(registry, study.plugins)
-    return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
+    bench = workbench(store, progress)
+    study = load_study(Path(path), bench.registry, overrides, progress.note if progress else warnings.warn)
+    return OpenStudy(study, replace(bench, registry=with_files(bench.registry, study.plugins)))
+
+
+def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> Workbench:
+    """The installed plugins with a store, for what needs no study."""
+    return Workbench(discover(), ArtifactStore(Path(store)), progress or Silent())
 
 
 def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SweepRun:
@@ -198,10 +203,7 @@ def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """The study's measurements, or other files read by the same settings, as one measurement in their order."""
     if isinstance(data, Measurement):
         return data
-    files = [data] if isinstance(data, str | Path) else data
-    return measurement_of_study(
-        opened.bench, opened.study, None if files is None else [Path(file) for file in files]
-    )
+    return measurement_of_study(opened.bench, opened.study, data)
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:

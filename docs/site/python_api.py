@@ -1,15 +1,17 @@
 """The Python reference: a page for each module that docs/plugin_contract.md calls public, from its docstrings.
 
-`pliant` comes first, with the names of its `__all__`; a module does not show again what `pliant` shows. Interfaces have
-pages of their own in docs/reference and get none here.
+`pliant` comes first, with the names of its `__all__`, and the modules behind them; a module does not show again what
+`pliant` shows. Interfaces have pages of their own in docs/reference and get none here.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import pkgutil
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).parents[1]
 PAGES = DOCS / "python"  # not in the repository; made anew by every build
-FIRST = ("pliant", "pliant.api")
 # What stands in backticks, or a character that is none of reStructuredText's here.
 MARKUP = re.compile(r"(`+[^`]*`+)|([|*]|(?<=\w)_(?!\w))")
 SECTIONS = ("Args:", "Attributes:", "Returns:", "Raises:", "Yields:", "Example:", "Examples:", "Note:")
@@ -30,43 +31,59 @@ HAVE_PAGES = {f"pliant.interfaces.{interface}" for interface in INTERFACES}
 
 
 def public_modules() -> list[str]:
-    """Names of the modules in the contract's table "What is public", `*` written out."""
+    """`pliant`, the modules behind its names, then those of the contract's table "What is public", `*` written out."""
     text = (DOCS / "plugin_contract.md").read_text(encoding="utf-8")
     table = text.partition("## What is public")[2].partition("\n## ")[0]
-    rows = [
-        re.findall(r"`(pliant[\w.]*(?:\.\*)?)`", line.split("|")[1])
-        for line in table.splitlines()
-        if "|" in line
-    ]
-    found = list(FIRST)
-    for name in (name for row in rows for name in row):
-        package = importlib.import_module(name.removesuffix(".*"))
-        inside = pkgutil.iter_modules(package.__path__, f"{package.__name__}.") if name.endswith(".*") else ()
-        found += [module.name for module in inside] or [name]
+    found = ["pliant", *behind_the_door(), "pliant.api"]
+    for line in table.splitlines():
+        for name in re.findall(r"`(pliant[\w.]*(?:\.\*)?)`", line.split("|")[1]) if "|" in line else ():
+            package = importlib.import_module(name.removesuffix(".*"))
+            inside = pkgutil.iter_modules(package.__path__, f"{name[:-1]}") if name.endswith(".*") else ()
+            found += [module.name for module in inside] or [name]
     return [name for name in dict.fromkeys(found) if name not in HAVE_PAGES]
 
 
-def public_names(module: ModuleType) -> list[str]:
-    """What a module shows: its `__all__`, else the classes and functions that it defines."""
-    if stated := getattr(module, "__all__", None):
-        return list(stated)
-    made_here = [
-        name
-        for name, value in vars(module).items()
-        if (inspect.isclass(value) or inspect.isfunction(value)) and value.__module__ == module.__name__
-    ]
-    return [name for name in made_here if not name.startswith("_")]
+def behind_the_door() -> list[str]:
+    """Modules that define what `pliant` shows, and the bases of the classes there: what its functions return."""
+    found = []
+    for module in {getattr(pliant, name).__module__: None for name in stated_names(pliant)}:
+        classes = [
+            value for value in vars(importlib.import_module(module)).values() if inspect.isclass(value)
+        ]
+        own = [cls for cls in classes if cls.__module__ == module]
+        found += [module, *(base.__module__ for cls in own for base in cls.__mro__)]
+    return [name for name in found if name.startswith("pliant.")]
+
+
+def stated_names(module: ModuleType) -> list[str]:
+    """The names of a module's `__all__`."""
+    return list(getattr(module, "__all__", ()))
 
 
 def page(module: ModuleType) -> str:
-    """The page of a module, in reStructuredText."""
+    """The page of a module, in reStructuredText: a directive for each of its names.
+
+    The names of `pliant` are asked for one by one, since they are imported only then.
+    """
     name = module.__name__
-    shown_at_the_door = {id(getattr(pliant, one)) for one in getattr(pliant, "__all__", ())}
-    again = [one for one in public_names(module) if id(getattr(module, one)) in shown_at_the_door]
-    lines = [name, "=" * len(name), "", f".. automodule:: {name}"]
-    if module is not pliant and again:
-        lines.append(f"   :exclude-members: {', '.join(again)}")
+    lines = [name, "=" * len(name), "", f".. automodule:: {name}", "   :no-members:"]
+    shown = {one: getattr(pliant, one) for one in stated_names(pliant)}
+    names = shown if module is pliant else defined_in(module, [id(value) for value in shown.values()])
+    for one, value in names.items():
+        lines += ["", f".. auto{'class' if inspect.isclass(value) else 'function'}:: {name}.{one}"]
     return "\n".join([*lines, ""])
+
+
+def defined_in(module: ModuleType, but: Sequence[int]) -> dict[str, Any]:
+    """Classes and functions that a module defines and explains, without those with an id of `but`."""
+    found = {}
+    for name, value in vars(module).items():
+        made_of = value.func if isinstance(value, functools.partial) else value
+        written = inspect.isclass(value) or inspect.isfunction(inspect.unwrap(made_of))
+        here = getattr(made_of, "__module__", None) == module.__name__ and made_of.__doc__
+        if written and here and not name.startswith("_") and id(value) not in but:
+            found[name] = value
+    return found
 
 
 def write_pages(app: Sphinx) -> None:
@@ -87,6 +104,11 @@ def list_pages(app: Sphinx, docname: str, source: list[str]) -> None:
         rows = [f"| [{name}](python/{name}.rst) | {summary(name)} |" for name in names]
         tree = ["```{toctree}", ":hidden:", "", *(f"python/{name}" for name in names), "```"]
         source[0] += "\n".join(["", "| module | |", "|---|---|", *rows, "", *tree, ""])
+
+
+def always(app: Sphinx, *_: object) -> list[str]:
+    """The list of modules is read anew by every build, for modules come and go."""
+    return ["docs/python"]
 
 
 def summary(name: str) -> str:
@@ -129,6 +151,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", write_pages)
     app.connect("source-read", list_pages)
+    app.connect("env-get-outdated", always)
     app.connect(
         "autodoc-process-docstring", from_markdown, priority=400
     )  # before napoleon makes markup of its own

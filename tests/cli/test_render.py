@@ -134,7 +134,7 @@ def test_mp4_without_ffmpeg_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setattr(films.importlib, "import_module", absent)
     with pytest.raises(MissingDependencyError, match=r"pip install 'pliant\[video\]'"):
-        films.film(tmp_path / "film.mp4", 25.0)
+        films.write_film(tmp_path / "film.mp4", 25.0, ())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -145,14 +145,12 @@ def test_an_interrupted_film_leaves_the_earlier_one(tmp_path, ending):
     picture = np.zeros((64, 96, 3), np.uint8)
 
     def interrupted():
-        with films.film(path, 25.0) as file:
-            for _ in range(3):
-                file.add(picture)
-            raise KeyboardInterrupt
+        yield from [picture] * 3
+        raise KeyboardInterrupt
 
     try:
         with pytest.raises(KeyboardInterrupt):
-            interrupted()
+            films.write_film(path, 25.0, interrupted())
     except MissingDependencyError as error:
         pytest.skip(str(error))
     assert [p.name for p in tmp_path.iterdir()] == [path.name]

@@ -20,7 +20,7 @@ from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, Setting, counted_study
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
-from pliant.report.counts import counts_diagnosis_json, counts_why
+from pliant.report.count_hypotheses import counts_diagnosis_json, counts_why
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])

@@ -18,7 +18,7 @@ from pliant.records.law import JointLaw
 from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.table.surrogate import Table
+from pliant_plugins.surrogates.table.surrogate import TableSurrogate
 
 SHARES = (0.6, 1.7)
 
@@ -26,7 +26,7 @@ SHARES = (0.6, 1.7)
 def shipped() -> dict[str, JointLaw]:
     """A law of each scalar form, with and without limits."""
     polynomials = {"wavy": WAVY, **{name: STATED[name] for name in ("unbounded", "plain square")}}
-    table = Table(TableConfig(kind="table")).fit(table_of(softening_law())).law
+    table = TableSurrogate(TableConfig(kind="table")).fit(table_of(softening_law())).law
     return {
         **polynomials,
         "axes": AxesLaw((WAVY, STATED["unbounded"], replace(WAVY, odd=0.0))),

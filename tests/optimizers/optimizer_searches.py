@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -74,3 +75,21 @@ def best(done: list[tuple[Trial, Trial]]) -> tuple[Trial, Trial]:
     return min(
         (pair for pair in done if pair[1].objective == pair[1].objective), key=lambda p: p[1].objective
     )
+
+
+def resumed(optimizer: Any) -> Any:
+    """Another one that goes on from its state, as JSON."""
+    again = type(optimizer)(optimizer.config)
+    again.restore(json.loads(json.dumps(optimizer.state(), allow_nan=False)))
+    return again
+
+
+def require_goes_on(
+    optimizer: Optimizer, late: Sequence[Trial], objective: Callable[[Mapping[str, Value]], Any], more: int
+) -> None:
+    """It and a resumed one are told the late results and then propose the same."""
+    traces = []
+    for one in (optimizer, resumed(optimizer)):
+        one.tell(late)
+        traces.append([(c.number, dict(c.values)) for c, _ in search(one, objective, more)])
+    assert traces[0] == traces[1]

@@ -6,13 +6,13 @@ import base64
 import json
 import pickle
 import random
-import subprocess
 import sys
 import zipfile
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.optimizers.optimizer_searches import resumed
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -68,23 +68,20 @@ def test_the_policy_starts_where_the_space_says():
 def test_a_restored_search_goes_on_exactly():
     """State taken in the middle of a batch, some of it told; networks, Adam, the worst reward and the log included."""
     first = started()
-    played(first, 72, count=11)
+    played(first, 40, count=11)
     waiting = first.ask(7)
     first.tell([c.scored(mixed_score(c)) for c in waiting[:3]])
-    text = json.dumps(first.state(), allow_nan=False)
-    print(f"{len(text)} bytes")
-    second = Ppo(PpoConfig())
-    second.restore(json.loads(text))
+    second = resumed(first)
     for optimizer in (first, second):
         optimizer.tell([c.scored(mixed_score(c)) for c in waiting[3:]])
-    assert played(first, 96) == played(second, 96)
+    assert played(first, 40) == played(second, 40)
     assert json.dumps(first.state()) == json.dumps(second.state())
     assert first.recommend() == second.recommend()
 
 
 def test_neither_the_order_of_outcomes_nor_the_size_of_asks_matters():
     together, apart = started(), started()
-    for _ in range(3):
+    for _ in range(2):
         asked = together.ask(32)
         together.tell([c.scored(mixed_score(c)) for c in asked])
         piecewise = [c for n in (1, 20, 11) for c in apart.ask(n)]
@@ -124,7 +121,7 @@ def test_global_generators_and_threads_decide_nothing_and_are_left_alone():
             torch.manual_seed(seed)
             before = repr(np.random.get_state()), random.getstate(), torch.get_rng_state().tolist()
             optimizer = started()
-            proposals.append(played(optimizer, 64))
+            proposals.append(played(optimizer, 40))
             optimizer.recommend()
             after = repr(np.random.get_state()), random.getstate(), torch.get_rng_state().tolist()
             assert after == before and torch.get_num_threads() == 2
@@ -180,7 +177,9 @@ def same_after(*scores):
             bad = candidate.number % 2
             told = candidate.scored(objective, violation=violation) if bad else candidate.scored(1.0)
             optimizer.tell([told])
-            json.dumps(optimizer.state(), allow_nan=False)
+            if candidate.number == 16:
+                json.dumps(optimizer.state(), allow_nan=False)
+        json.dumps(optimizer.state(), allow_nan=False)
         proposed.append(optimizer.ask(5))
     return all(one == proposed[0] for one in proposed)
 
@@ -195,7 +194,7 @@ def test_the_saved_policy_gives_the_same_designs(tmp_path):
     from stable_baselines3 import PPO
 
     optimizer = started()
-    played(optimizer, 64)
+    played(optimizer, 32)
     files = optimizer.export(tmp_path)
     assert {f.name for f in files[:2]} == {"policy.zip", "policy.json"}
     assert all(f.is_file() for f in files)
@@ -320,12 +319,3 @@ def test_a_missing_library_names_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     with pytest.raises(MissingDependencyError, match=r"needs stable_baselines3: pip install 'pliant\[ppo\]'"):
         component.build(PpoConfig())
-
-
-def test_the_config_imports_nothing_heavy():
-    code = (
-        "import sys, pliant_plugins.optimizers.ppo.config; "
-        "print([m for m in ('torch', 'stable_baselines3', 'gymnasium') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

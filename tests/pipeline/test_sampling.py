@@ -64,7 +64,7 @@ def test_the_data_cover_the_promised_box_and_check_states_lie_inside(tmp_path):
         assert (state.actuation, state.angle_rad) not in {(s.actuation, s.angle_rad) for s in fit}
 
 
-@pytest.mark.parametrize("interrupted_at", [0, 1, 4, 17, 29])
+@pytest.mark.parametrize("interrupted_at", [0, 4, 17])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
     whole = sample(springs(), tmp_path / "whole", **GRID)
     first, second, bar = springs(stop_after=interrupted_at), springs(), Counting()

@@ -29,7 +29,7 @@ def actual_error(potential: Potential, sampling: Sampling) -> float:
     return float(np.abs(tau - true).max() / np.ptp(true))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("error", [1e-3, 1e-4])
 def test_the_stated_error_is_met_and_honest(tmp_path, seed, error):
     sampling = run(Analytic(bellow(seed)), tmp_path, error=error)
@@ -72,7 +72,7 @@ def test_the_box_has_its_corners(tmp_path):
     assert {(0.0, -0.5), (LIMIT, -0.5), (0.0, 1.2), (LIMIT, 1.2), (0.0, 0.0)} <= places
 
 
-@pytest.mark.parametrize("after", [0, 1, 5, 9, 12])
+@pytest.mark.parametrize("after", [0, 5, 12])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, after):
     whole = run(Analytic(bellow(2)), tmp_path / "whole")
     first = Analytic(bellow(2), stop_after=after)

@@ -1,4 +1,4 @@
-"""A sweep killed five times, its whole process group at once: nothing is lost, nothing saved is solved twice."""
+"""A sweep killed twice, its whole process group at once: nothing is lost, nothing saved is solved twice."""
 
 import os
 
@@ -10,10 +10,10 @@ from benchmarks.families.kill import SPRINGS, Killing
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_kill_9_loses_nothing_and_repeats_nothing_saved(tmp_path, workers):
     text = SPRINGS.replace("delay_s: 0.05", "delay_s: 0.02, pressures: 3, angles: 3, check_states: 1")
-    count = Killing(text, tmp_path, seed=1, window_s=0.4, workers=workers).run(kills=5)
-    assert count.kills == 5
+    count = Killing(text, tmp_path, seed=1, window_s=0.4, workers=workers).run(kills=2)
+    assert count.kills == 2
     assert count.states >= 70
-    assert count.cut_off + count.unsure >= 2
+    assert count.cut_off + count.unsure >= 1
     assert (count.lost, count.saved_and_solved_twice) == (0, 0)
     assert count.largest_difference == 0.0
     assert count.complaints == []

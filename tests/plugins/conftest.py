@@ -1,4 +1,4 @@
-"""Fresh environments into which plugin packages are installed beside this one's packages, offline and fast."""
+"""A fresh environment into which plugin packages are installed beside this one's packages, offline and fast."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ import os
 import subprocess
 import sysconfig
 import venv
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from pliant.cli.plugins import EXAMPLES, create_package
+
+CONTRIB = Path(__file__).parents[2] / "contrib"
+CONTRIB_PACKAGES = ("pliant-eccentric-tube", "pliant-calculix", "pliant-pymoo")
+HAS_PYMOO = importlib.util.find_spec("pymoo") is not None
 
 
 def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
@@ -27,7 +32,7 @@ def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
 BROKEN = {
     "broken_import": "import a_module_that_nobody_has\n",
     "broken_answer": manifest("'effect'"),
-    "broken_twice": manifest("Component('family', 'bellow_bending', 'none:Config', 'none:Family', 'mine')"),
+    "broken_twice": manifest("Component('family', 'bellow_helical', 'none:Config', 'none:Family', 'mine')"),
     # The manifest that `new-plugin` wrote under contract 1.
     "broken_old": manifest(
         "Component('effect', 'old_gain', 'broken_old.config:C', 'broken_old.effect:E', 'a gain')", contract=""
@@ -59,32 +64,6 @@ class Environment:
 
 
 @pytest.fixture(scope="session")
-def new_environment(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Environment]:
-    """Makes an environment; pip and hatchling come from the one that runs the tests."""
-    for module in ("pip", "hatchling"):
-        if importlib.util.find_spec(module) is None:
-            pytest.skip(f"needs {module} to build packages: pip install {module}")
-
-    def make() -> Environment:
-        folder = tmp_path_factory.mktemp("environment") / "venv"
-        venv.create(folder, with_pip=False, symlinks=True)
-        site = next(folder.glob("lib/python*/site-packages"))
-        # addsitedir, unlike a plain path, also reads the .pth files of editable installs there
-        parents = sorted({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
-        lines = [f"import site; site.addsitedir({parent!r})" for parent in parents]
-        (site / "parent.pth").write_text("\n".join(lines) + "\n")
-        return Environment(folder)
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def contrib() -> Path:
-    """The third-party family of this repository."""
-    return ROOT / "contrib" / "pliant-eccentric-tube"
-
-
-@pytest.fixture(scope="session")
 def broken_packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Packages that fail when imported, answer nonsense, and define a shipped kind a second time."""
     parent = tmp_path_factory.mktemp("broken")
@@ -101,3 +80,54 @@ def broken_packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         )
         packages.append(folder)
     return packages
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """By name: the packages of contrib whose own requirements are met, and a skeleton of each interface."""
+    folder = tmp_path_factory.mktemp("skeletons")
+    for interface in EXAMPLES:
+        create_package(f"my-{interface}", folder, interface)
+    found = {name: CONTRIB / name for name in CONTRIB_PACKAGES}
+    return found | {f"my-{interface}": folder / f"my-{interface}" for interface in EXAMPLES}
+
+
+@pytest.fixture(scope="session")
+def environment(
+    tmp_path_factory: pytest.TempPathFactory, packages: dict[str, Path], broken_packages: list[Path]
+) -> Environment:
+    """With all packages, the broken ones among them; pip and hatchling come from where the tests run."""
+    for module in ("pip", "hatchling"):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"needs {module} to build packages: pip install {module}")
+    folder = tmp_path_factory.mktemp("environment") / "venv"
+    venv.create(folder, with_pip=False, symlinks=True)
+    site = next(folder.glob("lib/python*/site-packages"))
+    # addsitedir, unlike a plain path, also reads the .pth files of editable installs there
+    parents = sorted({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
+    lines = [f"import site; site.addsitedir({parent!r})" for parent in parents]
+    (site / "parent.pth").write_text("\n".join(lines) + "\n")
+    made = Environment(folder)
+    made.install([*packages.values(), *broken_packages])
+    return made
+
+
+@pytest.fixture(scope="session")
+def own_tests(
+    environment: Environment, packages: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, list[str]]:
+    """What became of each package's own tests, "passed" or what failed, by one interpreter for all packages."""
+    report = tmp_path_factory.mktemp("own_tests") / "report.xml"
+    imports = f"pythonpath={packages['pliant-calculix'] / 'tests'}"  # as its pyproject.toml says
+    options = ["-q", "-p", "no:cacheprovider", "--import-mode=importlib", "--rootdir=/"]
+    ready = [folder for name, folder in packages.items() if name != "pliant-pymoo" or HAS_PYMOO]
+    tests = [folder / "tests" for folder in ready]
+    options += ["-o", imports, f"--junitxml={report}"]
+    done = environment.run("-m", "pytest", *options, *tests, cwd=report.parent)
+    assert report.is_file(), done.stdout[-3000:]
+    became: dict[str, list[str]] = {name: [] for name in packages}
+    for case in ElementTree.parse(report).iter("testcase"):
+        (package,) = set(case.get("classname", "").split(".")) & set(packages)
+        failed = [part.get("message", "") for part in case if part.tag in ("failure", "error")]
+        became[package].append(f"{case.get('name')}: {failed[0]}" if failed else "passed")
+    return became

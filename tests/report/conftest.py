@@ -137,7 +137,6 @@ def full_run(modules: int = 8) -> FinishedRun:
     engines = (
         engine("quasistatic", angles),
         engine("mujoco", angles + 1e-6, wall_s=0.06, outside_domain=outside),
-        EngineResult("pybullet", None, "pybullet has no wheel for this Python"),
     )
     manifests = (
         manifest("fem", 12.5),
@@ -145,7 +144,8 @@ def full_run(modules: int = 8) -> FinishedRun:
         manifest("simulate", 0.03, physics={"kind": "mujoco"}),
     )
     design = DesignResult("synthetic", dataset(), PlainLaw(), fit_report())
-    return FinishedRun({"unused": ["sweep"]}, study(modules), (design,), engines, manifests)
+    skipped = (("pybullet", "pybullet has no wheel for this Python"),)
+    return FinishedRun({"unused": ["sweep"]}, study(modules), (design,), engines, manifests, skipped=skipped)
 
 
 @pytest.fixture(scope="session")

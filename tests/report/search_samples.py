@@ -279,7 +279,7 @@ def curved(label: str, bend: float = 0.2, off: float = 1e-3) -> DrawnDesign:
     markers = ChainGeometry.of(chain).markers(angles)
     target = ChainGeometry.of(chain).markers(angles * 1.1) + off
     metrics = {"rmse_m": off, "backbone_points_m": markers.tolist(), "target_points_m": target.tolist()}
-    return DrawnDesign(
+    return DrawnDesign.of(
         label, chain, TaskResult(Equilibrium(angles, markers, 1e-9, True, True, 5, 0.1), metrics)
     )
 
@@ -292,4 +292,4 @@ def grasped(label: str, radius_m: float = 0.02) -> DrawnDesign:
     ball = (Shape("sphere", (radius_m,), np.array([0.0, 0.0, 0.05]), np.eye(3)),)
     stills = tuple(SceneStill(name, t, rods, (ball,), 0.0) for t, name in enumerate(("lowered", "lifted")))
     final = Equilibrium(np.zeros((1, 1)), np.zeros((3, 3)), 0.0, True, None, 1, 0.0)
-    return DrawnDesign(label, None, TaskResult(final, {"success_share": 1.0}, stills=stills))
+    return DrawnDesign.of(label, None, TaskResult(final, {"success_share": 1.0}, stills=stills))

@@ -20,6 +20,7 @@ from tests.diagnosis.quick import (
     ramp,
     rich,
 )
+from tests.report.pages import check_sound
 
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Verdict
@@ -35,7 +36,6 @@ from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import value_text
 from pliant.report.render import page as rendered
 
-PNG = b"\x89PNG\r\n\x1a\n"
 FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
 
 
@@ -97,8 +97,8 @@ def test_every_verdict_has_a_whole_page(case):
     (sentence,) = re.findall(r'<p class="result">(.*?)</p>', page.html, re.DOTALL)
     assert sentence.strip().endswith(".")
     assert {"hypotheses", "changes_1"} <= set(page.pictures)
-    assert all(png.tobytes().startswith(PNG) for png in page.pictures.values())
-    assert not re.search(r"<tbody>\s*</tbody>|<ul[^>]*>\s*</ul>|<p>\s*</p>|<td[^>]*>nan|\bNone\b", page.html)
+    check_sound(page)
+    assert not re.search(r"<tbody>\s*</tbody>|<ul[^>]*>\s*</ul>|<p>\s*</p>", page.html)
     sections = re.findall(r"<section.*?</section>", page.html, re.DOTALL)
     assert len(sections) >= 4
     assert all(re.search(r"<img|<td|<p", section) for section in sections)
@@ -108,9 +108,8 @@ def test_every_verdict_has_a_whole_page(case):
     assert ("nobody knows whether the bench repeats" in page.html) is (found.verdict == "insufficient_data")
 
 
-def test_the_page_is_self_contained_escaped_and_the_same_each_time(case):
+def test_the_page_is_escaped_and_the_same_each_time(case):
     measurement, found, page = case
-    assert "<script" not in page.html and "http" not in page.html.replace("data:image", "")
     assert "&lt;b&gt;finger" in page.html and "<b>finger" not in page.html
     if found.verdict == "insufficient_data":  # the smallest
         again = rendered(diagnosis_document("<b>finger</b>", measurement, found, REGISTRY))

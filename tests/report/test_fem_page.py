@@ -23,7 +23,7 @@ from pliant.report.fem_page import (
     shape_section,
     states_table,
 )
-from pliant.report.fem_view import Solved, failed_place, foretold_axes, free_reach, solved_rows
+from pliant.report.fem_view import DesignStates, failed_place, foretold_axes, free_reach, solved_rows
 from pliant.report.figures import body
 from pliant.report.figures.fem import states_picture
 from pliant.report.figures.module import can_show, free_title, has_stress, stress_caption, stretch_limits
@@ -164,7 +164,7 @@ def test_other_strategies_state_no_error(kind: str) -> None:
     row = sampling_table(data).rows[0]
     assert row[2:6] == ["–"] * 4
     assert foretold_axes(data) == []
-    sections = data_sections([Solved("a", data)])
+    sections = data_sections([DesignStates("a", data)])
     assert [len(s.pictures) for s in sections] == [1, 0, 1]
 
 
@@ -231,7 +231,7 @@ def test_the_command_says_the_same() -> None:
 
 
 def test_designs_of_a_study_have_a_picture_each() -> None:
-    sections = data_sections([Solved("one", module()), Solved("two", module())])
+    sections = data_sections([DesignStates("one", module()), DesignStates("two", module())])
     assert [p.name for p in sections[0].pictures] == ["fem_states", "fem_states_2"]
     assert [t.title for t in sections[2].tables] == ["one: Cost", "two: Cost"]
     assert data_sections([]) == []

@@ -15,7 +15,7 @@ from pliant.errors import UserError
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
 from pliant.pipeline.residuals import module_of
-from pliant.pipeline.study import Design, DesignStages
+from pliant.pipeline.study import DesignSpec, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.error_bar import ErrorBar
@@ -41,7 +41,7 @@ from pliant.report.fit_tables import (
     errors_table,
     learning_table,
 )
-from pliant.report.fit_view import Fitted, least_stable, slope_grid
+from pliant.report.fit_view import ReportedLaw, least_stable, slope_grid
 from pliant.report.render import page
 from pliant.report.stage import write_page
 from pliant.store.store import ArtifactStore
@@ -56,18 +56,18 @@ SIZE = 2e-4
 
 
 @cache
-def fitted() -> Fitted:
+def fitted() -> ReportedLaw:
     """A polynomial of the worked law with scatter, and its learning curve."""
     surrogate = Polynomial(PolynomialConfig(kind="polynomial", max_degree=3))
     data = module_of(table_of(softening_law(), noise_n_m=3e-5))
     made = surrogate.fit_module(data)
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 4))
     learning = learning_curve(surrogate, data)
-    return Fitted("bellow", "polynomial", made.law, made.report, data, 0.25, learning)
+    return ReportedLaw("bellow", "polynomial", made.law, made.report, data, 0.25, learning)
 
 
 @cache
-def barred() -> Fitted:
+def barred() -> ReportedLaw:
     """A linear law whose states miss it by normal errors of exactly the size of its bar."""
     law = barred_law(linear_law(), BOX, SIZE, seed=2)
     data = module_of(table_of(linear_law()))
@@ -82,10 +82,10 @@ def barred() -> Fitted:
     rest = {name: np.zeros(n) for name in ("energy_j", "travel", "iterations", "wall_s")}
     slopes = {"dtau_dp": np.zeros((n, 1)), "dtau_du": np.zeros((n, 1, 1))}
     data = replace(data, **many, **rest, **slopes)
-    return Fitted("linear", "sample", law, fitted().report, data, 0.1)
+    return ReportedLaw("linear", "sample", law, fitted().report, data, 0.1)
 
 
-def written(bench: Workbench, title: str, laws: list[Fitted], folder: Path) -> Path:
+def written(bench: Workbench, title: str, laws: list[ReportedLaw], folder: Path) -> Path:
     document = fit_document(title, laws, {"name": title}, {}, [])
     made = stored_fit_page(bench, document, laws, {"name": title}).render(document)
     return write_page(folder, made.html, made.pictures, document.page)
@@ -193,12 +193,12 @@ def test_surrogates_stand_side_by_side() -> None:
 
 
 @cache
-def spherical() -> Fitted:
+def spherical() -> ReportedLaw:
     """The exact law of three coupled axes, with a tenth of an error put on axis z."""
     designs = solved_spherical_designs((2, 2))
     data, law = designs.data[0], spherical_sample_law(designs.values[0])
     data = replace(data, tau=data.tau + np.array([0.0, 0.0, 1e-4]) * (data.explored == "z")[:, None])
-    return Fitted("three", "sample", law, fitted().report, data, 0.1)
+    return ReportedLaw("three", "sample", law, fitted().report, data, 0.1)
 
 
 def test_three_axes_are_told_apart() -> None:
@@ -262,7 +262,7 @@ def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Pa
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 3))
     fem = bench.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})
     config = PolynomialConfig(kind="polynomial", max_degree=3)
-    stages = DesignStages(Design(None, config), fem, law_stage(bench, config, fem))
+    stages = DesignStages(DesignSpec(None, config), fem, law_stage(bench, config, fem))
     (solved,) = fitted_designs(bench, [stages], learning=False)
     assert solved.source == "FEM" and len(solved.data) == len(data)
     text = words(written(bench, "solved", [solved], tmp_path).read_text())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 from pathlib import Path
@@ -40,18 +41,6 @@ def shown(run: FinishedRun) -> Page:
     return page_of(run_document(run))
 
 
-def test_folder_gives_the_same_page(tmp_path: Path) -> None:
-    (tmp_path / "study.yaml").write_text(STUDY)
-    registry = discover()
-    bench = Workbench(registry, ArtifactStore(tmp_path / "store"))
-    run = simulate_study(bench, load_study(tmp_path / "study.yaml", registry, ()))
-    page = shown(finished(run, {"unused": []}))
-    write_folder(tmp_path / "out", run, {"unused": []})
-    again = shown(read_folder(tmp_path / "out", registry))
-    assert again.html == page.html
-    assert "bends 164.9° at 15\u00a0kPa" in page.html
-
-
 FITTED = """
 name: fitted
 surrogate: {kind: polynomial, data: law.csv}
@@ -66,6 +55,7 @@ surrogate: SURROGATE
 chain: {segments: [{modules: 1}, {modules: 2, family: {wall: 1.4 mm}}, {modules: 1, family: {wall: 1.5 mm}}]}
 task: {kind: free_bending, pressure: 2 kPa}
 """
+TWO_FITTED = TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")
 STATED = "{kind: polynomial, form: study, coefficients: {k_n: 1.6e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.0245}}"
 
 
@@ -84,12 +74,8 @@ def run_of(folder: Path, text: str) -> StudyRun:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        FITTED,
-        TWO_DESIGNS.replace("SURROGATE", STATED),
-        TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}"),
-    ],
-    ids=["fitted to a table", "two designs, law stated", "two designs, law fitted"],
+    [STUDY, FITTED, TWO_DESIGNS.replace("SURROGATE", STATED), TWO_FITTED],
+    ids=["stated", "fitted to a table", "two designs, law stated", "two designs, law fitted"],
 )
 def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: str) -> None:
     home = tmp_path / "home"
@@ -105,24 +91,28 @@ def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: st
     again = shown(read)
     assert again.html == page.html
     assert sorted(again.pictures) == sorted(page.pictures)
+    assert {re.sub(r"_\d+$", "", name) for name in page.pictures} <= NAMES
+    assert text != STUDY or "bends 164.9° at 15\u00a0kPa" in page.html
 
 
-@pytest.mark.parametrize("file", ["value.json", "arrays.npz", "manifest.json"])
-def test_running_again_mends_a_damaged_folder(tmp_path: Path, file: str) -> None:
+JUNK = ("", "[]", "7", '"x"', "{}", '{"artifacts": 3}', '{"artifacts": [], "designs": [1], "engines": []}')
+
+
+def test_a_damaged_folder_is_one_sentence_and_running_again_mends_it(tmp_path: Path) -> None:
     run, out = run_of(tmp_path, FITTED), tmp_path / "out"
-    write_folder(out, run, {})
-    (out / "data" / "fit0" / file).write_text("{")
-    with pytest.raises(UserError, match="is damaged"):
-        read_folder(out, discover())
-    write_folder(out, run, {})
-    assert len(read_folder(out, discover()).designs) == 1
+    fitted = [(f"data/fit0/{file}", "{") for file in ("value.json", "arrays.npz", "manifest.json")]
+    registry = discover()
+    for name, text in [*fitted, *itertools.product(["run.json", "study.json"], JUNK)]:
+        write_folder(out, run, {})
+        assert len(read_folder(out, registry).designs) == 1
+        (out / name).write_text(text)
+        with pytest.raises(UserError, match="is damaged"):
+            read_folder(out, registry)
 
 
 def test_nothing_of_an_earlier_run_remains(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    write_folder(
-        out, run_of(tmp_path, TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")), {}
-    )
+    write_folder(out, run_of(tmp_path, TWO_FITTED), {})
     (out / "notes.txt").write_text("mine")
     (out / "fem_2.csv").write_text("mine")
     write_folder(out, run_of(tmp_path, STUDY), {})
@@ -153,25 +143,6 @@ def test_pictures_of_an_earlier_report_go_and_a_users_own_stay(tmp_path: Path) -
     write_page(tmp_path, "old", dict.fromkeys(["finger", "law", "law_2", "module_shape_2"], picture))
     write_page(tmp_path, "new", dict.fromkeys(["finger", "law"], picture))
     assert {p.name for p in (tmp_path / "pictures").iterdir()} == {"finger.png", "law.png", "law_photo.png"}
-
-
-def test_every_picture_of_a_page_has_a_known_name(tmp_path: Path) -> None:
-    text = TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")
-    page = shown(finished(run_of(tmp_path, text), {}))
-    assert {re.sub(r"_\d+$", "", name) for name in page.pictures} <= NAMES
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "[]", "7", '"x"', "{}", '{"artifacts": 3}', '{"artifacts": [], "designs": [1], "engines": []}'],
-)
-@pytest.mark.parametrize("name", ["run.json", "study.json"])
-def test_junk_in_a_run_folder_is_one_sentence(tmp_path: Path, name: str, text: str) -> None:
-    run, out = run_of(tmp_path, STUDY), tmp_path / "out"
-    write_folder(out, run, {})
-    (out / name).write_text(text)
-    with pytest.raises(UserError, match="is damaged"):
-        read_folder(out, discover())
 
 
 UNCERTAIN = """

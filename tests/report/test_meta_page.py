@@ -7,6 +7,8 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +18,10 @@ from pliant.execution.progress import Silent
 from pliant.formatting import percent
 from pliant.pipeline.learning import design_learning
 from pliant.pipeline.meta_model.cross_validation import misses_left_out, parts_of, scores_of
+from pliant.pipeline.meta_model.designs import SourcedDesigns
 from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.meta_model.next_design import Proposal
-from pliant.records.design import Array
-from pliant.records.law import JointLaw
+from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.records.solved import SolvedDesigns
 from pliant.report.document import Document, page_table
 from pliant.report.meta import meta_sentence, meta_warnings
@@ -38,16 +40,11 @@ from pliant.report.meta_view import (
 )
 from pliant.report.render import page
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
-from pliant.testing.samples import softening_law
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs
 
 
 def model() -> StandInMetaModel:
     return StandInMetaModel(StandInMetaModelConfig())
-
-
-def stand_in_law(values: Array) -> JointLaw:
-    return softening_law()
 
 
 def of(designs: SolvedDesigns) -> MetaFitted:
@@ -56,11 +53,15 @@ def of(designs: SolvedDesigns) -> MetaFitted:
     designs = replace(designs, data=data)
     with TemporaryDirectory() as folder:
         misses = misses_left_out(model(), designs, parts_of(designs, 4, 4), Path(folder), Silent())
-    coverage = Bars.of(designs, misses).coverage(designs.corners())
-    return MetaFitted(
-        "stand_in", "stand_in", designs, misses, scores_of(designs, misses), coverage, {"terms": 7, "regressor": "a_b"},
-        4, 0.5, 2.0, stand_in_law, design_learning(model(), designs, Silent()), (), "the sweep's 16 designs",
+    bars = Bars.of(designs, misses)
+    artifact: Any = SimpleNamespace(value={"misses": vars(misses)})
+    stage = MetaModelStage(
+        StandInMetaModelConfig(), SourcedDesigns(designs, {}, "the sweep's 16 designs"), model().fit(designs).laws,
+        scores_of(designs, misses), bars.coverage(designs.corners()), bars, {"terms": 7, "regressor": "a_b"},
+        4, 0.5, 2.0, artifact,
     )  # fmt: skip
+    curve: Any = SimpleNamespace(value=design_learning(model(), designs, Silent()))
+    return MetaFitted(stage, curve)
 
 
 @cache
@@ -68,11 +69,16 @@ def fitted() -> MetaFitted:
     return of(solved_designs((4, 4)))
 
 
-def timed(one: MetaFitted, **changes: object) -> MetaFitted:
+def timed(one: MetaFitted, **changes: Any) -> MetaFitted:
     """The same with other fields, a law taking 2 ms and three million evaluations a second."""
     made = replace(one, **changes)
     made.__dict__["_timed"] = (2e-3, 3e6)
     return made
+
+
+def of_designs(one: MetaFitted, designs: SolvedDesigns) -> Any:
+    """Its stage with other designs."""
+    return replace(one.stage, solved=replace(one.stage.solved, designs=designs))
 
 
 def test_the_page_holds_every_part_and_nothing_from_outside() -> None:
@@ -91,15 +97,15 @@ def test_scores_are_the_pipelines_own() -> None:
     table = page_table("", SCORES, score_rows([one]))
     rows = {row[0]: row[1:] for row in table.rows}
     assert list(rows) == ["all", "interior", "border"]
-    for place, scores in one.scores.items():
+    for place, scores in one.stage.scores.items():
         axis = scores.axes["y"]
         assert rows[place][0] == str(scores.n_designs)
         assert rows[place][2] == f"{axis.r2:.6f}"
         assert rows[place][4] == percent(axis.worst_of_range, 3)
         assert rows[place][5] == percent(scores.free_median, 3)
-    assert percent(one.scores["interior"].worst_of_range) in meta_sentence(one)
-    beside = score_rows([one, replace(one, name="study")])
-    assert [row.label for row in beside][3:] == ["study: all", "study: interior", "study: border"]
+    assert percent(one.stage.scores["interior"].worst_of_range) in meta_sentence(one)
+    beside = [row.label for row in score_rows([one, one])]
+    assert beside[3:] == [f"{one.name}: {place}" for place in rows]
     names = ("average_radius_m", "material.shear_modulus_pa", "convolutions")
     units = ["average radius (mm)", "shear modulus (kPa)", "convolutions"]
     assert [parameter_unit(name).axis for name in names] == units
@@ -110,7 +116,7 @@ def test_the_worst_designs_are_those_of_the_worst_states() -> None:
     every = np.abs(one.shares[:, 0])
     design = int(one.misses.design[np.argmax(every)])
     assert one.worst_designs(1) == [design]
-    assert one.worst[design] == pytest.approx(one.scores["all"].worst_of_range, rel=1e-12)
+    assert one.worst[design] == pytest.approx(one.stage.scores["all"].worst_of_range, rel=1e-12)
     row = worst_table(one).rows[0]
     assert row[0] == percent(float(every.max()), 3)
     assert row[1] == ("border" if one.designs.corners()[design] else "interior")
@@ -124,9 +130,9 @@ def test_cost_is_fem_against_milliseconds() -> None:
     assert rows["a design by the model instead of FEM"] == "1500 times faster"
     assert rows["FEM saved by every thousand further designs"] == "0.83 hours of one core"
     nobody_knows = timed(
-        fitted(), designs=replace(fitted().designs, data=tuple(
+        fitted(), stage=of_designs(fitted(), replace(fitted().designs, data=tuple(
             replace(one, wall_s=one.wall_s * np.nan) for one in fitted().designs.data
-        )),
+        ))),
     )  # fmt: skip
     assert "FEM, one design" not in {row[0] for row in cost_table(nobody_knows).rows}
 
@@ -134,7 +140,7 @@ def test_cost_is_fem_against_milliseconds() -> None:
 def test_coverage_and_proposals_are_told() -> None:
     table = coverage_table(fitted())
     assert table.rows[0][0] == "all"
-    assert table.rows[0][2] == percent(fitted().coverage["all"]["0.9"], 3)
+    assert table.rows[0][2] == percent(fitted().stage.coverage["all"]["0.9"], 3)
     assert next_table(fitted()) is None
     asked = replace(fitted(), proposals=(Proposal(fitted().designs.names, (7.1e-3, 1.3e-3), 0.12, "doubt"),))
     found = next_table(asked)
@@ -143,12 +149,12 @@ def test_coverage_and_proposals_are_told() -> None:
 
 
 def test_designs_far_off_are_warned_of() -> None:
-    assert max(scores.worst_of_range for scores in fitted().scores.values()) < 0.05
+    assert max(scores.worst_of_range for scores in fitted().stage.scores.values()) < 0.05
     assert meta_warnings(fitted()) == []
-    bad = replace(fitted().scores["border"], free_lost=2)
+    bad = replace(fitted().stage.scores["border"], free_lost=2)
     axis = replace(bad.axes["y"], worst_of_range=0.3)
     scores = {"all": bad, "border": replace(bad, axes={"y": axis})}
-    assert len(meta_warnings(replace(fitted(), scores=scores))) == 2
+    assert len(meta_warnings(replace(fitted(), stage=replace(fitted().stage, scores=scores)))) == 2
 
 
 def test_learning_over_designs_never_fits_what_it_scores() -> None:
@@ -188,8 +194,10 @@ def test_three_axes_and_one_parameter_have_pictures_too() -> None:
     three = of(solved_spherical_designs((3, 3)))
     rows = [row.label for row in score_rows([three])]
     assert [row for row in rows if row.startswith("all")] == ["all, axis x", "all, axis y", "all, axis z"]
-    assert "all" in three.coverage and len(parity_picture(three).tobytes()) > 10_000
+    assert "all" in three.stage.coverage and len(parity_picture(three).tobytes()) > 10_000
     one = fitted()
     values = one.designs.values[:, :1]
-    line = replace(one, designs=replace(one.designs, names=one.designs.names[:1], values=values))
+    line = replace(
+        one, stage=of_designs(one, replace(one.designs, names=one.designs.names[:1], values=values))
+    )
     assert len(design_errors(line).tobytes()) > 5_000

@@ -23,6 +23,10 @@ def render(run: FinishedRun) -> Page:
     return page_of(run_document(run))
 
 
+def design(kit: Any, name: str, law: Any = None, **data: Any) -> DesignResult:
+    return DesignResult(name, kit.dataset(**data), law or kit.PlainLaw(), kit.fit_report())
+
+
 @pytest.fixture(scope="module")
 def whole(kit: Any) -> FinishedRun:
     return kit.full_run()
@@ -31,9 +35,7 @@ def whole(kit: Any) -> FinishedRun:
 @pytest.fixture(scope="module")
 def flat(kit: Any, whole: FinishedRun) -> FinishedRun:
     """The same run without shapes: no bodies to draw, hence quick."""
-    return replace(
-        whole, designs=(DesignResult("flat", kit.dataset(shapes=False), kit.PlainLaw(), kit.fit_report()),)
-    )
+    return replace(whole, designs=(design(kit, "flat", shapes=False),))
 
 
 @pytest.fixture(scope="module")
@@ -67,88 +69,75 @@ def test_warnings_name_every_limit(page: Page) -> None:
     assert "The study sets sweep" in text
 
 
-def test_same_run_same_bytes(whole: FinishedRun, page: Page) -> None:
-    again = render(whole)
-    assert again.html == page.html
-    assert all(np.array_equal(again.pictures[name], png) for name, png in page.pictures.items())
-
-
-def test_stated_law_without_fem(kit: Any, whole: FinishedRun) -> None:
-    law = kit.PlainLaw(domain=Domain.unbounded(1))
-    run = replace(whole, designs=(DesignResult("stated", None, law, None),), summary={})
-    page = render(run)
-    text = check_sound(page)
-    assert set(page.pictures) == {"finger", "law", "chain_pose"}
-    assert "the law is stated by its coefficients" in text and "b_e = 0.0245" in text
-
-
-def test_data_from_elsewhere_and_no_engines(kit: Any) -> None:
-    data = kit.dataset(shapes=False, family="table")
-    fit = replace(kit.fit_report(), r2=float("nan"), details={"study_form": {"problem": "too few states"}})
-    bare = {"pliant": 1, "name": "table", "surrogate": {"kind": "plain", "data": "fem.csv"}}
-    run = FinishedRun(
-        {}, bare, (DesignResult("table", data, kit.PlainLaw(), fit),), (), (kit.manifest("fit", 0.1),)
+@pytest.fixture(scope="module")
+def runs(kit: Any, flat: FinishedRun) -> dict[str, FinishedRun]:
+    """The flat run with a part of it changed."""
+    axes, angles = ("x", "y", "z"), np.tile([0.02, 0.2, 0.1], (10, 1))
+    free = Domain.unbounded(1)
+    spherical = kit.PlainLaw(axes=axes, joint="spherical", domain=Domain.unbounded(3))
+    unscored = replace(
+        kit.fit_report(), r2=float("nan"), details={"study_form": {"problem": "too few states"}}
     )
-    page = render(run)
-    text = check_sound(page)
-    assert set(page.pictures) == {"finger", "law"}
-    assert "no chain simulated" in text and "the table's states" in text
+    table = replace(design(kit, "table", shapes=False, family="table"), fit=unscored)
+    loads = {"modules": 8, "gravity_m_s2": [0.0, 0.0, -9.81], "payload_kg": 0.013}
+    segments = [{"modules": 1}, {"modules": 1, "rotation_rad": 0.8, "family": {"wall": 0.002}}]
 
+    def of(*designs: DesignResult, engines: Any = flat.engines, **changes: Any) -> FinishedRun:
+        return replace(flat, designs=designs or flat.designs, engines=engines, study=kit.study(**changes))
 
-def test_one_engine_that_did_not_converge(kit: Any, flat: FinishedRun) -> None:
-    only = kit.engine("quasistatic", np.full((8, 1), 0.2), converged=False, stable=None, residual=1e-3)
-    text = check_sound(render(replace(flat, engines=(only,))))
-    assert "did not settle" in text and "quasistatic did not converge" in text and "agree" not in text
+    def bent(total: float, modules: int, **state: Any) -> tuple[Any, ...]:
+        return (kit.engine("quasistatic", np.full((modules, 1), total / modules), **state),)
 
-
-def test_all_engines_skipped(flat: FinishedRun) -> None:
-    text = check_sound(render(replace(flat, engines=flat.engines[2:])))
-    assert "Engine pybullet was skipped" in text
-
-
-def test_loaded_chain_shows_gravity_and_payload(kit: Any, flat: FinishedRun) -> None:
-    loaded = kit.study()
-    loaded["chain"] = {"modules": 8, "gravity_m_s2": [0.0, 0.0, -9.81], "payload_kg": 0.013}
-    text = check_sound(render(replace(flat, study=loaded)))
-    assert "with 13 g at its tip" in text and "under gravity" in text
-
-
-def test_several_designs(kit: Any, whole: FinishedRun) -> None:
-    designs = tuple(
-        DesignResult(f"design {n}", kit.dataset(), kit.PlainLaw(), kit.fit_report()) for n in (1, 2)
-    )
-    two = kit.study()
-    two["chain"] = {
-        "segments": [{"modules": 4}, {"modules": 4, "rotation_rad": 0.8, "family": {"wall": 0.002}}]
+    return {
+        "stated": of(DesignResult("stated", None, kit.PlainLaw(domain=free), None)),
+        "table": replace(of(table, engines=()), study={"pliant": 1, "name": "table"}),
+        "unsettled": of(engines=bent(1.6, 8, converged=False, stable=None, residual=1e-3)),
+        "loaded": of(chain=loads),
+        "two": of(
+            design(kit, "design 1"),
+            design(kit, "design 2"),
+            engines=bent(0.7, 2),
+            chain={"segments": segments},
+        ),
+        "helix": of(
+            design(kit, "helix", spherical, shapes=False),
+            engines=(kit.engine("quasistatic", angles, axes), kit.engine("mujoco", 1.0001 * angles, axes)),
+            modules=10,
+        ),
+        "dense": of(design(kit, "dense", n_p=60, n_u=60, shapes=False), engines=()),
+        "one": of(engines=bent(0.3, 1), modules=1),
+        "forty": of(engines=bent(1.5, 40), modules=40),
     }
-    page = render(replace(whole, designs=designs, study=two))
+
+
+@pytest.mark.parametrize(
+    ("name", "pictures", "says"),
+    [
+        ("stated", "finger law chain_pose", ["the law is stated by its coefficients", "b_e = 0.0245"]),
+        ("table", "finger law", ["no chain simulated", "the table's states"]),
+        ("unsettled", "finger law chain_pose", ["did not settle", "quasistatic did not converge"]),
+        ("loaded", "finger law chain_pose", ["with 13 g at its tip", "under gravity"]),
+        ("two", "finger module_shape module_shape_2 law law_2 chain_pose", ["design 2: 2 of 35 states"]),
+        ("helix", "finger law chain_pose", ["10-module finger"]),
+        ("dense", "finger law", ["Engine pybullet was skipped"]),
+        ("one", "finger law chain_pose", ["One-joint finger bends 17.2°"]),
+        ("forty", "finger law chain_pose", ["40-module finger bends 85.9°"]),
+    ],
+)
+def test_a_page_shows_what_its_run_has(
+    runs: dict[str, FinishedRun], name: str, pictures: str, says: list[str]
+) -> None:
+    run = runs[name]
+    page = render(run)
     text = check_sound(page)
-    assert {"law", "law_2", "module_shape", "module_shape_2"} <= set(page.pictures)
-    assert "design 2: 2 of 35 states" in text
+    assert list(page.pictures) == pictures.split()
+    assert all(one in text for one in says), text[:400]
+    assert ("engines agree within" in text) == (len(run.engines) > 1)
+    if "chain_pose" in page.pictures:  # only the helix needs two projections
+        width = struct.unpack(">I", page.pictures["chain_pose"].tobytes()[16:20])[0]
+        assert (width > 1500) == (name == "helix")
 
 
-def test_spherical_joints_in_two_projections(kit: Any, whole: FinishedRun) -> None:
-    axes = ("x", "y", "z")
-    law = kit.PlainLaw(axes=axes, joint="spherical", domain=Domain.unbounded(3))
-    angles = np.tile([0.02, 0.2, 0.1], (10, 1))
-    engines = (kit.engine("quasistatic", angles, axes), kit.engine("mujoco", 1.0001 * angles, axes))
-    designs = (DesignResult("helix", kit.dataset(shapes=False), law, kit.fit_report()),)
-    page = render(replace(whole, designs=designs, engines=engines, study=kit.study(10)))
-    check_sound(page)
-    width = struct.unpack(">I", page.pictures["chain_pose"].tobytes()[16:20])[0]
-    assert width > 1500
-
-
-def test_thousands_of_states_stay_small(kit: Any, whole: FinishedRun) -> None:
-    design = DesignResult("dense", kit.dataset(60, 60, shapes=False), kit.PlainLaw(), kit.fit_report())
-    check_sound(render(replace(whole, designs=(design,), engines=())))
-
-
-def test_one_module_with_its_body(kit: Any, whole: FinishedRun) -> None:
-    only = kit.engine("quasistatic", np.full((1, 1), 0.3))
-    page = render(replace(whole, engines=(only,), study=kit.study(1)))
-    assert "One-joint finger bends 17.2°" in check_sound(page)
-    many = replace(
-        whole, engines=(kit.engine("quasistatic", np.full((40, 1), 1.5 / 40)),), study=kit.study(40)
-    )
-    check_sound(render(replace(many, designs=(replace(whole.designs[0], fem=kit.dataset(shapes=False)),))))
+def test_same_run_same_bytes(kit: Any, runs: dict[str, FinishedRun]) -> None:
+    run = replace(runs["one"], designs=(design(kit, "body"),))
+    assert render(run).html == render(run).html

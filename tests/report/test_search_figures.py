@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,6 @@ from pliant.report.figures.search_course import (
     search_history,
     shown_range,
 )
-from pliant.report.search_files import Drawing
 from pliant.report.search_view import SearchView, log_suits, short_labels
 
 
@@ -58,7 +58,7 @@ def test_labels_are_as_short_as_tells_them_apart() -> None:
 
 def test_axes_are_in_human_units_and_hold_every_kind_of_value() -> None:
     one = read(samples.one_branch())
-    axes = {axis.label: axis for axis in one.axes}
+    axes = {axis.unit.label: axis for axis in one.axes}
     assert (axes["average radius"].low, axes["average radius"].high) == pytest.approx((6.0, 8.0))
     assert axes["pressure"].title == "pressure (kPa)"
     assert axes["roll"].text(np.pi / 2) == "90°"
@@ -119,41 +119,41 @@ def test_figures_exist_for_what_the_record_has() -> None:
         assert made(nothing) is None
     assert bytes(search_history(nothing)[:4]) == b"\x89PNG"
     assert search_designs(()) is None
+    for make in (samples.curved, samples.grasped):
+        shown = [make(f"design {k}") for k in (1, 2)]
+        alone, both = search_designs(shown[:1]), search_designs(shown)
+        assert alone is not None and both is not None and len(both) > len(alone)
+        assert (shown[0].rest_m is None) == (make is samples.grasped)
 
 
-def test_the_same_record_gives_the_same_picture_and_another_best_does_not() -> None:
-    one = samples.one_branch(40)
-    other = replace(
-        one, best=(replace(one.best[0], values={**one.best[0].values, samples.RADIUS.name: 7.9e-3}),)
-    )
-    first, again, moved = (search_answer(read(r)) for r in (one, samples.one_branch(40), other))
-    assert first is not None and again is not None and moved is not None
-    assert first.tobytes() == again.tobytes() != moved.tobytes()
+def with_best(result: SearchResult, **changes: Any) -> SearchResult:
+    return replace(result, best=(replace(result.best[0], **changes), *result.best[1:]))
 
 
-def test_no_star_where_another_variable_sets_the_key_in_that_condition() -> None:
-    one = samples.contextual(60)
-    elsewhere = {**one.best[0].settings, **dict.fromkeys(samples.RADIUS.keys, -1.0)}
-    other = replace(one, best=(replace(one.best[0], settings=elsewhere), *one.best[1:]))
-    first, fewer = search_policy(read(one)), search_policy(read(other))
-    assert first is not None and fewer is not None
-    assert first.tobytes() != fewer.tobytes()
+SMALL, CONDITIONS = samples.one_branch(40), samples.contextual(60)
+ELSEWHERE = {**CONDITIONS.best[0].settings, **dict.fromkeys(samples.RADIUS.keys, -1.0)}
+CHECK = samples.verification()
 
 
-def test_only_a_check_by_fem_is_called_one() -> None:
-    one, check = samples.one_branch(40), samples.verification()
-    fem, again = (
-        search_verified(read(replace(one, verification=v))) for v in (check, replace(check, laws=()))
-    )
-    assert fem is not None and again is not None
-    assert fem.tobytes() != again.tobytes()
-
-
-@pytest.mark.parametrize("scene", [False, True])
-def test_designs_are_drawn_side_by_side(scene: bool) -> None:
-    designs = [samples.grasped(f"design {k}") if scene else samples.curved(f"design {k}") for k in (1, 2)]
-    shown = [Drawing.of(one) for one in designs]
-    alone, both = search_designs(shown[:1]), search_designs(shown)
-    assert alone is not None and both is not None
-    assert len(both) > len(alone)
-    assert (shown[0].rest_m is None) == scene
+@pytest.mark.parametrize(
+    ("draw", "one", "other"),
+    [
+        (
+            search_answer,
+            SMALL,
+            with_best(SMALL, values={**SMALL.best[0].values, samples.RADIUS.name: 7.9e-3}),
+        ),
+        # no star where another variable sets the key in that condition
+        (search_policy, CONDITIONS, with_best(CONDITIONS, settings=ELSEWHERE)),
+        # only a check by FEM is called one
+        (
+            search_verified,
+            replace(SMALL, verification=CHECK),
+            replace(SMALL, verification=replace(CHECK, laws=())),
+        ),
+    ],
+)
+def test_a_picture_changes_with_what_it_shows(draw: Any, one: SearchResult, other: SearchResult) -> None:
+    first, second = draw(read(one)), draw(read(other))
+    assert first is not None and second is not None
+    assert first.tobytes() != second.tobytes()

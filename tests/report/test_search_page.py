@@ -20,7 +20,7 @@ from pliant.registry.discovery import discover
 from pliant.report import render
 from pliant.report.document import Page
 from pliant.report.search import answer, late, rebuild_search_page, search_document, warned, write_search_page
-from pliant.report.search_files import Drawing, is_search
+from pliant.report.search_files import is_search
 from pliant.report.search_page import design_table, robust_table
 from pliant.report.search_view import SearchView, price
 
@@ -54,7 +54,7 @@ ORDER = (
 
 @cache
 def page(name: str) -> Page:
-    drawn = [Drawing.of(samples.curved(f"design {k}")) for k in (1, 2)] if name == "one" else []
+    drawn = [samples.curved(f"design {k}") for k in (1, 2)] if name == "one" else []
     return render.page(search_document(samples.STUDY, MAKERS[name][0](), drawn))
 
 

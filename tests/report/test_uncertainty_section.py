@@ -20,27 +20,24 @@ def told(tip: np.ndarray, failed: int = 0) -> dict[str, Any]:
     """Tips in a line along x, a tenth of that along z, as `spread` tells them."""
     along = np.linspace(-1e-3, 1e-3, 21)
     tips = tip + np.stack([along, 0 * along, 0.1 * along], axis=1)
-    return {
-        "level": 0.9,
-        "samples": 21 + failed,
-        "failed": failed,
+    half = np.array([9e-4, 0, 9e-5])
+    spreads = {"tip_x_m": (0.0, 1.0), "bend_angle_rad": (1.0, 1.1), "unsettled_levels": (0.0, 0.0)}
+    metrics = {name: {"low": low, "high": high, "sd": high - low} for name, (low, high) in spreads.items()}
+    tells = {
         "tips_m": tips,
         "tip_mean_m": tips.mean(axis=0),
-        "tip_low_m": tip - [9e-4, 0, 9e-5],
-        "tip_high_m": tip + [9e-4, 0, 9e-5],
-        "tip_radius_m": 9.1e-4,
-        "metrics": {
-            "tip_x_m": {"low": 0.0, "high": 1.0, "sd": 1.0},
-            "bend_angle_rad": {"low": 1.0, "high": 1.1, "sd": 0.05},
-            "unsettled_levels": {"low": 0.0, "high": 0.0, "sd": 0.0},
-        },
+        "tip_low_m": tip - half,
+        "tip_high_m": tip + half,
     }
+    counts = {"level": 0.9, "samples": 21 + failed, "failed": failed}
+    return {**counts, **tells, "tip_radius_m": 9.1e-4, "metrics": metrics}
 
 
 @pytest.fixture
 def run(kit: SimpleNamespace) -> Any:
     whole = kit.full_run()
-    return replace(whole, uncertainty=told(whole.engines[0].result.final.tip_m))
+    bodiless = replace(whole.designs[0], fem=kit.dataset(shapes=False))
+    return replace(whole, designs=(bodiless,), uncertainty=told(whole.engines[0].result.final.tip_m))
 
 
 def test_intervals_are_those_of_the_record(run: Any) -> None:
@@ -71,8 +68,6 @@ def test_without_a_settled_run_there_is_a_sentence_and_no_picture(run: Any) -> N
     section = uncertainty_section(nothing)
     assert section is not None and not section.pictures and "None of 8 runs" in section.text[0]
     assert tip_cloud(nothing.uncertainty, np.zeros(3)) is None
-    assert len(warnings(nothing)) == len(warnings(replace(run, uncertainty=None))) + 1
-
-
-def test_a_study_without_the_block_has_no_section(kit: SimpleNamespace) -> None:
-    assert uncertainty_section(kit.full_run()) is None
+    unasked = replace(run, uncertainty=None)
+    assert len(warnings(nothing)) == len(warnings(unasked)) + 1
+    assert uncertainty_section(unasked) is None

@@ -56,7 +56,7 @@ def pythons(text, values):
     return math.nan if isinstance(found, complex) or not math.isfinite(found) else float(found)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(TREES, st.floats(-3, 3), st.floats(0.1, 3), st.integers(1, 5))
 def test_values_are_those_of_python(text, x, y, n1):
     values = {"x": x, "y": y, "n1": float(n1)}
@@ -70,7 +70,7 @@ def test_values_are_those_of_python(text, x, y, n1):
     assert np.broadcast_to(rows, 2)[0] == pytest.approx(found, rel=1e-12, nan_ok=True)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.floats(-5, 5), st.floats(-5, 5), st.sampled_from(["<", "<=", ">", ">="]))
 def test_an_inequality_is_missed_exactly_where_python_says_no(x, y, operator):
     amount = float(read(f"x {operator} y").amount({"x": x, "y": y}))

@@ -14,7 +14,7 @@ from pliant_plugins.surrogates.neural.law import NeuralLaw
 from pliant_plugins.surrogates.neural.network import Network
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study import study_law
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
@@ -63,13 +63,13 @@ TERMS = {
 }
 
 
-def energy_law(axes: int) -> EnergyLaw:
+def energy_law(axes: int) -> EnergyPolynomialLaw:
     """The sample's energy law of the axes y, or x and y, or all."""
     keep = {1: [2], 2: [1, 2], 3: [1, 2, 3]}[axes]
     chosen = {t: c for t, c in TERMS.items() if all(t[i] == 0 for i in range(1, 4) if i not in keep)}
     exponents = np.array([[t[0], *(t[i] for i in keep)] for t in chosen])
     maps = np.column_stack([ENERGY_BOX.mean(axis=1), np.ptp(ENERGY_BOX, axis=1) / 2])
-    return EnergyLaw(
+    return EnergyPolynomialLaw(
         EnergyBasis(exponents, maps[0], maps[keep]),
         1e-3 * np.array(list(chosen.values())),
         Domain(ENERGY_BOX[0], ENERGY_BOX[keep]),

@@ -12,7 +12,7 @@ from pliant.testing.samples import coupled_law, linear_spherical_law, module_tab
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy_fit import compared, fit_apart, fit_energy
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.posterior import Posterior
 from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.polynomial.system import System
@@ -38,7 +38,7 @@ def scattered(n: int = 40, seed: int = 3) -> Points:
 def require_found(fitted: FittedLaw) -> None:
     law, (p, u) = coupled_law(), scattered()
     wanted, found = law.evaluate(p, u), fitted.law.evaluate(p, u)
-    assert isinstance(fitted.law, EnergyLaw)
+    assert isinstance(fitted.law, EnergyPolynomialLaw)
     assert found.tau == pytest.approx(wanted.tau, abs=1e-8)
     assert found.dtau_du == pytest.approx(wanted.dtau_du, abs=1e-6)
     assert fitted.law.potential(p, u) == pytest.approx(law.potential(p, u), abs=1e-8)
@@ -122,7 +122,7 @@ def test_misses_of_one_axis_are_those_of_refitting_without_the_state(data: Modul
 
 def test_pruning_changes_efforts_by_less_than_it_says(fitted: FittedLaw) -> None:
     law, ranges = fitted.law, np.full(3, 0.01)
-    assert isinstance(law, EnergyLaw)
+    assert isinstance(law, EnergyPolynomialLaw)
     more = replace(law.basis, exponents=np.vstack([law.basis.exponents, [[2, 4, 2, 2]]]))
     wide = replace(law, basis=more, coefficients=np.append(law.coefficients, 1e-12))
     kept = wide.pruned(ranges)
@@ -134,7 +134,7 @@ def test_pruning_changes_efforts_by_less_than_it_says(fitted: FittedLaw) -> None
 def test_points_in_the_box_are_the_same_beside_others_outside(fitted: FittedLaw) -> None:
     """Side by side and one by one agree to rounding, and where a point stands changes nothing."""
     law, (p, u) = fitted.law, scattered(130)
-    assert isinstance(law, EnergyLaw)
+    assert isinstance(law, EnergyPolynomialLaw)
     inside = evaluate(p, u, law._parameters)
     mixed = evaluate(np.insert(p, 7, 5e4), np.insert(u, 7, 2.0, axis=0), law._parameters)
     assert np.array_equal(np.delete(mixed, 7, axis=0), inside)

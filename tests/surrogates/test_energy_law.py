@@ -9,15 +9,15 @@ from tests.surrogates.laws import energy_law, points
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial import energy_law as energy_law_module
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 
 
 @pytest.fixture(params=[1, 2, 3])
-def law(request: pytest.FixtureRequest) -> EnergyLaw:
+def law(request: pytest.FixtureRequest) -> EnergyPolynomialLaw:
     return energy_law(request.param)
 
 
-def test_inside_the_box_the_law_is_the_polynomial(law: EnergyLaw) -> None:
+def test_inside_the_box_the_law_is_the_polynomial(law: EnergyPolynomialLaw) -> None:
     p, u = points(law, 0.0, 50)
     k = len(law.axes)
     tau = np.stack(
@@ -35,7 +35,7 @@ def test_where_bowls_help_no_axis_that_is_inside_coupling_ends_sooner() -> None:
     unit_maps = np.array([[0.0, 1.0], [0.0, 1.0]])
     basis = EnergyBasis(exponents, np.array([0.0, 1.0]), unit_maps)
     domain = Domain(np.array([0.0, 1.0]), np.array([[-1.0, 1.0], [-1e-3, 1.0]]))
-    law = EnergyLaw(basis, np.array([0.5, 50.0, -0.45]), domain, axes=("x", "y"))
+    law = EnergyPolynomialLaw(basis, np.array([0.5, 50.0, -0.45]), domain, axes=("x", "y"))
     y = np.linspace(1.0, 6.0, 200)
     for x in (0.0, 1.0):
         slopes = law.evaluate(np.zeros(200), np.column_stack([np.full(200, x), y])).dtau_du

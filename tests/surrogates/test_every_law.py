@@ -29,13 +29,13 @@ from pliant_plugins.physics.compiled.laws import law_address
 from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
-from pliant_plugins.surrogates.table.surrogate import Table
+from pliant_plugins.surrogates.table.surrogate import TableSurrogate
 
 STABLE: dict[str, JointLaw] = {
     "wavy": WAVY,
     "even": replace(WAVY, odd=0.0),
     "stated": STATED["stated"],
-    "table": Table(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    "table": TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
     **{f"energy {k}": energy_law(k) for k in AXES},
     **{f"network {k}": network_law(k) for k in AXES},
 }
@@ -48,7 +48,7 @@ LAWS: dict[str, JointLaw] = {
 }
 LOADERS = {
     "polynomial": Polynomial(PolynomialConfig()),
-    "table": Table(TableConfig()),
+    "table": TableSurrogate(TableConfig()),
     "neural": Neural(NeuralConfig()),
 }
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)

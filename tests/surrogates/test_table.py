@@ -15,13 +15,13 @@ from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.surrogate import Table, TableLaw
+from pliant_plugins.surrogates.table.surrogate import TableLaw, TableSurrogate
 
 RANDOM = np.random.default_rng(4)
 
 
-def table() -> Table:
-    return Table(TableConfig())
+def table() -> TableSurrogate:
+    return TableSurrogate(TableConfig())
 
 
 def scattered(n: int, noise: float = 0.0, seed: int = 0):
@@ -113,7 +113,9 @@ def test_three_tables_make_a_spherical_joint(tmp_path: Path) -> None:
     for axis in "xyz":
         paths[axis] = tmp_path / f"{axis}.csv"
         write_table(replace(table_of(softening_law()), axis=axis), paths[axis])
-    surrogate = Table(TableConfig.model_validate({"axes": {a: {"data": p} for a, p in paths.items()}}))
+    surrogate = TableSurrogate(
+        TableConfig.model_validate({"axes": {a: {"data": p} for a, p in paths.items()}})
+    )
     assert set(surrogate.tables()) == set("xyz")
     assert not surrogate.needs_fem()
     fitted = surrogate.fit_axes({axis: read_table(path) for axis, path in paths.items()})

@@ -1,5 +1,6 @@
-"""A handful of sealed sets, diagnosed and judged: what `make bench-evidence` does at length, with all effects."""
+"""A handful of sealed sets, diagnosed and judged: what `make bench-evidence` does at length."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -14,16 +15,39 @@ HANDFUL = [
     SetSpec("wall_buckling", 308, "functional"),
     SetSpec("run_slip", 309, "functional"),
 ]
+WITH_ALL_EFFECTS = [
+    SetSpec("none", 301, "functional"),
+    SetSpec("none", 302, "mujoco"),
+    SetSpec("viscoelastic", 303, "mujoco"),
+    SetSpec("friction_hysteresis", 304, "functional"),
+    SetSpec("mullins", 305, "functional"),
+    SetSpec("actuation_gain", 306, "mujoco"),
+    *HANDFUL[2:],
+]
 CANDIDATES = ("stiffness", "viscoelastic", "friction_hysteresis", "mullins", "dead_zone", "sensor_bias")
 
 
-@pytest.mark.parametrize("spec", HANDFUL, ids=lambda spec: f"{spec.kind}-{spec.engine}-{spec.robot}")
+def _name(spec: SetSpec) -> str:
+    return f"{spec.kind}-{spec.engine}-{spec.robot}"
+
+
+@pytest.mark.parametrize("spec", HANDFUL, ids=_name)
 def test_the_diagnosis_is_right(spec: SetSpec, tmp_path: Path) -> None:
+    _judge(spec, tmp_path, CANDIDATES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spec", WITH_ALL_EFFECTS, ids=_name)
+def test_the_diagnosis_is_right_among_all_effects(spec: SetSpec, tmp_path: Path) -> None:
+    _judge(spec, tmp_path, None)
+
+
+def _judge(spec: SetSpec, tmp_path: Path, kinds: Sequence[str] | None) -> None:
     hidden = make_set(spec)
     (tmp_path / "study.yaml").write_text(hidden.study)
     (tmp_path / "bench.csv").write_text(hidden.csv)
     opened = api.open_study(tmp_path / "study.yaml", store=tmp_path / "store")
-    found = api.diagnose(opened, tmp_path / "bench.csv", kinds=CANDIDATES)
+    found = api.diagnose(opened, tmp_path / "bench.csv", kinds=kinds)
     assert found.verdict in hidden.label["right"]
     if found.verdict == "missing_effect":
         assert found.selected == (spec.kind,)

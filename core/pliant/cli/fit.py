@@ -14,17 +14,16 @@ from pliant.cli.options import Overrides, verb
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import DEFAULT_SURROGATE, Design, DesignStages, laws_of_study
-from pliant.pipeline.surrogate import law_stage
+from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages, law_of_table, laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
-from pliant.report.fit_view import Fitted
+from pliant.report.fit_view import ReportedLaw
 from pliant.report.meta import meta_document, stored_meta_page
+from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
 
 # Endings of what is meant as a table; those that are none are told so when they are read.
@@ -143,9 +142,9 @@ def fit_meta(
     found = designs_to_solve(bench, study, stage, count) if count is not None else []
     curve = design_learning_stage(bench, stage) if learning and out is not None else None
     inputs: Any = study.canonical()
-    more: Any = {"learning": curve, "proposals": found, "compared": beside}
-    document = meta_document(study.name, stage, inputs, **more)
-    here.show(document, out, stored_meta_page(bench, document, stage, inputs, **more))
+    fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
+    document = meta_document(study.name, fitted, inputs)
+    here.show(document, out, stored_meta_page(bench, document, fitted, inputs))
     if found:
         table = folder / TABLE
         write_proposals(found, table)
@@ -204,14 +203,10 @@ def fit_table(
     here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, Fitted]:
-    config = (
-        bench.registry.get("surrogate", kind).config_model().model_validate({"kind": kind, "data": source})
-    )
-    assert isinstance(config, SurrogateConfig)
-    stage = law_stage(bench, config, None)
-    stages = DesignStages(Design(None, config), None, stage)
-    return stages, fitted_law(bench, kind, config, stage, learning=learning, source=source.name)
+def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
+    stages = law_of_table(bench, source, kind)
+    config: Any = stages.design.surrogate
+    return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
 
 
 def _check_free(source: Path, kind: str, out: Path) -> None:

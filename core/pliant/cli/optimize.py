@@ -132,7 +132,7 @@ def drawn_designs(
         except PliantError as error:
             bench.progress.note(f"the picture of '{label}' is missing: {error}")
             continue
-        found.append(DrawnDesign(label, chain, answer))
+        found.append(DrawnDesign.of(label, chain, answer))
     return found
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, get_args
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
@@ -173,16 +175,19 @@ def _write_film(
     fps: float,
     out: Path,
 ) -> int:
-    from pliant.report.films import film  # Pillow
+    from pliant.report.films import write_film  # Pillow
 
     # The camera sees the whole motion, also when one instant of it is drawn.
     shown = Motion(motion.scene, at_times(motion.frames, times), motion.frames)
     work = bench.progress.begin(f"drawing {out.name}", len(times))
+
+    def counted() -> Iterator[NDArray[np.uint8]]:
+        for picture in viewer.pictures(shown, size, view):
+            yield picture
+            work.advance()
+
     try:
-        with film(out, fps) as file:
-            for picture in viewer.pictures(shown, size, view):
-                file.add(picture)
-                work.advance()
+        write_film(out, fps, counted())
     finally:
         work.finish()
     return len(times)

@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -41,11 +40,13 @@ from pliant.execution.jobs import JobQueue
 from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
+from pliant.measurements.files import Sources, sources_of
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.counts import CountCondition, Counts
+from pliant.tabular.opening import is_frame
 
 SHARE = "success_share"
 
@@ -191,8 +192,11 @@ class CountComparison:
         p_overdispersion: of sets that scatter binomially, by that χ²; 1 without repeats.
         n_repeated: conditions with more than one set.
         remarks: of the reader.
+        unit, source: of `rmse`, and where its floor comes from; the same for all counts.
     """
 
+    unit: ClassVar[str] = "1"
+    source: ClassVar[str] = "binomial"
     conditions: tuple[ConditionResult, ...]
     log_likelihood: float
     deviance: float

@@ -174,7 +174,10 @@ def match(
     check_named(path, notes_name, "rename", notes.rename, named)
     check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
     found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
-    if "time_s" not in found and (clock := _of_frames(sheet, notes, notes_name)) is not None:
+    if (
+        "time_s" not in found
+        and (clock := _of_labview(sheet) or _of_frames(sheet, notes, notes_name)) is not None
+    ):
         found["time_s"] = clock
     check_named(path, notes_name, "zero", notes.zero, [*named, *found])
     for name, column in found.items():
@@ -183,6 +186,15 @@ def match(
             value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
             found[name] = replace(column, shift=column.shift - value, zero=value)
     return found
+
+
+def _of_labview(sheet: Sheet) -> FileColumn | None:
+    """The column X_Value of a LabVIEW measurement file, which is the time in seconds unless its header says else."""
+    labview = any(line.startswith("LabVIEW Measurement") for line in sheet.preamble)
+    other = any(line.startswith("X_Dimension") and "Time" not in line for line in sheet.preamble)
+    if labview and not other and "X_Value" in sheet.header:
+        return FileColumn("X_Value", "time_s", "time", "s", in_unit="s")
+    return None
 
 
 FRAME_RATE = re.compile(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,36 +127,33 @@ def _unloaded(history: History) -> bool:
 def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: str) -> list[Doubt]:
     """A sensor that saturates at its largest value, or that freezes, in the first run where one sees it."""
     is_input = name in runs[0].history.actuation
+    if is_input and len(runs[0].history.actuation) > 1:
+        return []  # the other inputs move the outputs
     values = [run.history.actuation[name] if is_input else run.outputs[name] for run in runs]
     there = np.concatenate([v[np.isfinite(v)] for v in values])
     if there.size < 2 * STRETCH or not np.ptp(there):
         return []
     top, span = float(there.max()), float(np.ptp(there))
-    steps = np.diff(np.unique(there))
-    if steps.min() > FINE * span:
+    if np.diff(np.unique(there)).min() > FINE * span:
         return []
     for run, own in zip(runs, values, strict=True):
-        if is_input and len(run.history.actuation) > 1:
-            continue  # the others move the outputs
+        others = run.outputs if is_input else run.history.actuation
         for start, end in _stretches(own):
-            if end - start < max(STRETCH, SHARE * len(own)) or not _alike(run.history, start, end):
+            if not len(run.lines) or end - start < SHARE * len(own) or not _alike(run.history, start, end):
                 continue
-            others = run.outputs if is_input else run.history.actuation
-            where = f"from line {run.lines[start]} to {run.lines[end - 1]}" if len(run.lines) else ""
             if own[start] == top and any(_comes_back(v, start, end) for v in others.values()):
-                text = (
-                    f"{column.written} stands at its largest value, {_quantity(top, column)}, {where} while the rest moves "
-                    f"on: if it is saturated, leave the span out by 'exclude: [{{run: {run.name}, lines: "
-                    f"[{run.lines[start]}, {run.lines[end - 1]}]}}]' in {notes}. Nothing was changed."
-                )
-                return [Doubt(column.written, "saturated", text)]
-            if not is_input and own[start] != top and _freezes(own, span, start, end, run.history.actuation):
-                text = (
-                    f"{column.written} reads exactly {_quantity(float(own[start]), column)} {where} while the input moves: if "
-                    f"it is frozen, leave the span out by 'exclude: [{{run: {run.name}, lines: [{run.lines[start]}, "
-                    f"{run.lines[end - 1]}]}}]' in {notes}. Nothing was changed."
-                )
-                return [Doubt(column.written, "frozen", text)]
+                kind, what = "saturated", "stands at its largest value,"
+            elif not is_input and own[start] != top and _freezes(own, span, start, end, others):
+                kind, what = "frozen", "reads exactly"
+            else:
+                continue
+            first, last = run.lines[start], run.lines[end - 1]
+            text = (
+                f"{column.written} {what} {_quantity(float(own[start]), column)}, from line {first} to {last}, while "
+                f"the rest moves on: if it is {kind}, write 'exclude: [{{run: {run.name}, lines: [{first}, {last}]}}]' "
+                f"into {notes}. Nothing was changed."
+            )
+            return [Doubt(column.written, kind, text)]
     return []
 
 
@@ -163,7 +161,7 @@ def _stretches(values: Array) -> list[tuple[int, int]]:
     """Begin and end of each succession of equal values."""
     cuts = np.flatnonzero(np.diff(values) != 0) + 1  # NaN differs from everything
     ends = [0, *cuts.tolist(), len(values)]
-    return [(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b - a >= STRETCH]
+    return [(a, b) for a, b in pairwise(ends) if b - a >= STRETCH]
 
 
 def _alike(history: History, start: int, end: int) -> bool:

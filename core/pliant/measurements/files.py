@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 
 PATTERN = re.compile(r"[*?\[]")
+QUANTITY = re.compile(r"[-+]?\d+([.,p]\d+)?(g|kg|mN|N|mNm|Nm|C|degC|K|kPa|mbar|bar|deg)")
 # What names tables: a path, a pattern, a pandas frame, or several of these.
 Sources = Any
 
@@ -37,7 +39,7 @@ def read_measurements(
     A file that another one joins (`join` in its notes) gives its columns to that one and is no measurement itself.
 
     Args:
-        files: a path, a pattern such as ``runs/*.csv`` (its files in natural order), a pandas frame, or several of them.
+        files: a path, a pattern such as ``runs/*.csv`` (its files in natural order), a pandas frame, or several.
         notes: what the files do not say of themselves, before the YAML beside each (docs/measurement_files.md).
         actuation, expected, progress: as of `read_measurement`.
         exclude_from_first: the spans of `notes` are of the first file alone.
@@ -63,8 +65,28 @@ def read_measurements(
     ]
     for span in stated.exclude if seen else ():
         if span.run not in seen:
-            raise UserError(f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}")
-    return together(measurements)
+            raise UserError(
+                f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
+            )
+    found = together(measurements)
+    if stated.name_pattern is None and (hint := _said_by_names([s for s in own if not is_frame(s)])):
+        found = replace(found, remarks=(*found.remarks, hint))
+    return found
+
+
+def _said_by_names(files: Sequence[Path]) -> str:
+    """A sentence where the names of several files have a quantity in them that differs, and nobody reads it."""
+    if any(notes_of(file, None)[0].name_pattern for file in files):
+        return ""
+    said = dict.fromkeys(
+        part for file in files for part in re.split(r"[_\s]+", file.stem) if QUANTITY.fullmatch(part)
+    )
+    if len(files) < 2 or len(said) < 2:
+        return ""
+    return (
+        f"The files' names say {', '.join(list(said)[:5])}, which is not read; if it is a load or a condition, write "
+        f"'name_pattern: finger_{{payload_g}}g_{{run}}', as the names are, into the notes."
+    )
 
 
 def sources_of(files: Sources) -> list[Any]:
@@ -100,7 +122,9 @@ def as_notes(notes: Mapping[str, Any] | MeasurementNotes | None) -> MeasurementN
     try:
         return MeasurementNotes.model_validate(dict(notes or {}))
     except ValidationError as error:
-        raise UserError(sentences(error, MeasurementNotes, lambda at: "the notes").replace("of a study", "of notes")) from None
+        raise UserError(
+            sentences(error, MeasurementNotes, lambda at: "the notes").replace("of a study", "of notes")
+        ) from None
 
 
 def _joined_by(source: Any, stated: MeasurementNotes) -> Path | None:

@@ -302,7 +302,10 @@ class Gatherer:
         if found.steps:
             new_run = f"or write 'restarts: new run' into {self.problems.notes_name} if a clock that begins again does"
             if self.split_runs.get(number) == found.line:
-                text = f"run '{run.name}' begins again with time_s {found.now:g} after {found.before:g}; give it another name"
+                text = (
+                    f"run '{run.name}' begins again with time_s {found.now:g} after {found.before:g}; give it another "
+                    "name"
+                )
             else:
                 again = f" and again in {plural(found.steps - 1, 'more row')}" if found.steps > 1 else ""
                 text = (

@@ -122,6 +122,7 @@ def read_measurement(
         "" if in_memory else digest_of(path),
         tuple(doubts),
         {column.name: column.in_unit for column in header.every if column.unit},
+        {column.name: column.written for column in header.columns},
     )
 
 
@@ -146,7 +147,7 @@ def _notes_of_frame(settings: MeasurementNotes | None) -> tuple[MeasurementNotes
 
 
 def _on_top(notes: MeasurementNotes, settings: MeasurementNotes | None) -> MeasurementNotes:
-    """Notes with those of a study on top: entries are merged, spans of both hold, all else is the study's if it says it."""
+    """Notes with those of a study on top: entries are merged, spans of both hold, the rest is the study's if said."""
     if settings is None:
         return notes
     both: dict[str, Any] = {}

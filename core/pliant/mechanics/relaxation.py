@@ -21,6 +21,8 @@ LONGEST_TURN = 0.4
 # Size of the nudge that leaves an equilibrium which is not a minimum.
 NUDGE = 1e-3
 MAX_CAUTION = 1e6
+# A joint that has turned this far has no equilibrium to go to: the chain runs away.
+FURTHEST_TURN = 100.0
 # Share of the caution that an accepted step keeps.
 REGAIN = 0.8
 
@@ -76,7 +78,8 @@ def relax(
         balanced = size <= tolerance
         mode = unstable_mode(statics.balance(q, loads).stiffness) if balanced else None
         found = balanced and mode is None
-        if found or not np.isfinite(size) or steps == max_steps or caution > MAX_CAUTION:
+        lost = not np.isfinite(size) or np.abs(q).max() > FURTHEST_TURN * reach
+        if found or lost or steps == max_steps or caution > MAX_CAUTION:
             mover.halt(q)
             return Relaxed(q, size, found, found, steps)
         if mode is not None:

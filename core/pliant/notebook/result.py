@@ -13,7 +13,6 @@ from pliant.report.stage import write_page
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.axes import Axes
 
 Record = TypeVar("Record")
 LONGEST = 160  # characters of a result's one line
@@ -42,7 +41,7 @@ class Result(Generic[Record]):
         self,
         record: Record,
         document: Document,
-        plot: Callable[[Record, Axes | None], Axes] | None = None,
+        plot: Callable[[Record, Any], Any] | None = None,
         frame: Callable[[Record], dict[str, Any]] | None = None,
     ) -> None:
         self.record, self.document = record, document
@@ -83,7 +82,7 @@ class Result(Generic[Record]):
         head = tables[0].head if tables else []
         return frame_of({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Any = None) -> Any:
         """The one picture that says most, on these matplotlib axes or on new ones; returns the axes."""
         if self._plot is not None:
             return self._plot(self.record, ax)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from pliant.execution.executors import Workers
 from pliant.notebook import frames
 from pliant.notebook.changes import as_overrides
 from pliant.notebook.result import Result
-from pliant.pipeline.study import DesignStages, StudyRun, physics_of_study
+from pliant.pipeline.study import DesignStages, StudyRun, law_of_table, physics_of_study
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
@@ -25,10 +26,11 @@ from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.extension import extension_document
 from pliant.report.fem import fem_document
-from pliant.report.fit import fitted_designs, laws_document
+from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
 from pliant.report.improvement import improvement_document
 from pliant.report.run import simulation_document
 from pliant.report.search import search_document
+from pliant.store.store import write_atomically
 
 Data = Any  # a path, several, or a pandas frame
 
@@ -43,22 +45,27 @@ class Simulated(Result[StudyRun]):
     @property
     def tip(self) -> Array:
         """(3,) settled position of the tip in the world, m."""
-        return self._final.final.tip_m  # type: ignore[no-any-return]
+        return self._final.final.tip_m
 
     @property
     def markers(self) -> Array:
         """(n + 2, 3) base, joints 1…n and tip in the world, m."""
-        return self._final.final.markers_m  # type: ignore[no-any-return]
+        return self._final.final.markers_m
 
     @property
     def joint_angles(self) -> Array:
         """(n, a) joint coordinates, rad (m where the joint slides)."""
-        return self._final.final.joint_angles  # type: ignore[no-any-return]
+        return self._final.final.joint_angles
 
     @property
     def metrics(self) -> Mapping[str, Any]:
         """What the task measured, SI, unit in the name."""
-        return self._final.metrics  # type: ignore[no-any-return]
+        return self._final.metrics
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the first design."""
+        return self.record.designs[0].law.law
 
     @property
     def converged(self) -> bool:
@@ -232,12 +239,29 @@ def read(files: Any, **notes: Any) -> Result[Measurement]:
 def fit(
     table: Any, surrogate: str = "polynomial", *, store: str | Path = api.DEFAULT_STORE, **settings: Any
 ) -> Fitted:
-    """A joint law from a table of anybody's: `pliant fit TABLE`.
+    """A joint law from a table of anybody's, with its errors on states left out: `pliant fit TABLE`.
 
     Args:
         table: a path (docs/bring_your_own_data.md), or a pandas frame with the same columns.
         surrogate: the kind of law.
+        store: folder of finished stages.
         settings: keys of the surrogate's block.
+
+    Raises:
+        UserError: what is wrong with the table, by line, or a key that the surrogate does not have.
     """
-    stages, document = api.fit_table(table, surrogate, store=store, settings=settings)
-    return Fitted((stages,), document, plots.laws, frames.laws)
+    bench = api.workbench(store)
+    source = Path(table) if isinstance(table, str | Path) else _kept(table, Path(store))
+    stages = law_of_table(bench, source, surrogate, settings)
+    config: Any = stages.design.surrogate
+    fitted = fitted_law(bench, surrogate, config, stages.law, learning=False, source=source.name)
+    return Fitted((stages,), table_document(source, stages, [fitted], {}), plots.laws, frames.laws)
+
+
+def _kept(frame: Any, store: Path) -> Path:
+    """A frame as a CSV in the store, where the law's study finds it again."""
+    text = frame.to_csv(index=False)
+    path = store / "tables" / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.csv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, text)
+    return path.resolve()

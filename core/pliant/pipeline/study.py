@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from pliant.config.chain import ChainConfig, SegmentConfig
+from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
@@ -44,7 +47,7 @@ OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offse
 
 
 @dataclass(frozen=True)
-class Design:
+class DesignSpec:
     """What modules are made of: a family (None for a law without one) and a surrogate (None for the default).
 
     With a `meta_model` the law comes from that; the surrogate is what a direct FEM check would fit.
@@ -66,7 +69,7 @@ class Design:
 class DesignStages:
     """One distinct design of the chain with its data and law."""
 
-    design: Design
+    design: DesignSpec
     fem: Artifact | None
     law: LawStage
 
@@ -171,7 +174,7 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
             values_of(d.names, d.box, d.fixed, family, study.material, study.meta_model.extrapolate)
         meta = meta_model_stage(bench, study, solved)
 
-    def stages(design: Design) -> DesignStages:
+    def stages(design: DesignSpec) -> DesignStages:
         if meta is None or design.meta_model is None or design.family is None:
             return own_law(bench, study, design)
         return DesignStages(design, None, law_of_design(bench, meta, design.family, study.material))
@@ -179,7 +182,7 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     return tuple(map(stages, designs))
 
 
-def own_law(bench: Workbench, study: Study, design: Design) -> DesignStages:
+def own_law(bench: Workbench, study: Study, design: DesignSpec) -> DesignStages:
     """Data and law of a design that takes none from a meta-model."""
     if study.meta_model is not None and design.family is None and design.surrogate is None:
         study.need("family", "a meta-model")
@@ -188,7 +191,23 @@ def own_law(bench: Workbench, study: Study, design: Design) -> DesignStages:
     return DesignStages(design, fem, law_stage(bench, surrogate, fem))
 
 
-def needs_fem(bench: Workbench, design: Design) -> bool:
+def law_of_table(
+    bench: Workbench, table: Path, kind: str, settings: Mapping[str, Any] | None = None
+) -> DesignStages:
+    """The law that a surrogate of this kind, with these keys of its block, fits to a table of anybody's.
+
+    Raises:
+        UserError: a key that the surrogate does not have, or what is wrong with the table.
+    """
+    model = bench.registry.get("surrogate", kind).config_model()
+    try:
+        config: Any = model.model_validate({**(settings or {}), "kind": kind, "data": table})
+    except ValidationError as error:
+        raise UserError(sentences(error, model, lambda path: "", ("surrogate",))) from None
+    return DesignStages(DesignSpec(None, config), None, law_stage(bench, config, None))
+
+
+def needs_fem(bench: Workbench, design: DesignSpec) -> bool:
     """Whether the law of a design is fitted to FEM of its own."""
     surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     wanted: bool = design.meta_model is None and bench.build("surrogate", surrogate).needs_fem()
@@ -331,7 +350,7 @@ def chain_length_m(bench: Workbench, study: Study) -> float:
     return total
 
 
-def segment_designs(study: Study) -> list[Design | None]:
+def segment_designs(study: Study) -> list[DesignSpec | None]:
     """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
 
     A segment with a surrogate of its own does not take the meta-model's law.
@@ -340,8 +359,8 @@ def segment_designs(study: Study) -> list[Design | None]:
         UserError: a segment changes a family in a way that is not possible.
     """
     if study.chain is None:
-        return [Design(study.family, study.surrogate, study.meta_model if study.family else None)]
-    designs: list[Design | None] = []
+        return [DesignSpec(study.family, study.surrogate, study.meta_model if study.family else None)]
+    designs: list[DesignSpec | None] = []
     for number, segment in enumerate(study.chain.as_segments()):
         if segment.rigid is not None:
             designs.append(None)
@@ -355,12 +374,12 @@ def segment_designs(study: Study) -> list[Design | None]:
             raise UserError(f"chain.segments.{number}.family: {error}") from None
         own = segment.surrogate is not None or family is None
         designs.append(
-            Design(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
+            DesignSpec(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
         )
     return designs
 
 
-def distinct_designs(study: Study) -> list[Design]:
+def distinct_designs(study: Study) -> list[DesignSpec]:
     """What the chain's modules are made of, each design once."""
     return list({design.name: design for design in segment_designs(study) if design is not None}.values())
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.evidence.comparison import Comparison, interpret
 from pliant.evidence.places import Place
@@ -21,16 +22,19 @@ from pliant.report.document import (
     Picture,
     Section,
     Table,
-    Warned,
     as_json,
     brief_table,
     capital,
+    drawn,
     page_table,
+    picture,
+    section,
 )
 from pliant.report.evidence_view import Compared
+from pliant.report.fitted import remark
 from pliant.units import si_unit
 
-OUTPUTS_DRAWN = 2
+OUTPUTS_DRAWN, OUTPUTS_OF_GROUPS = 2, 6
 ROWS = 60  # of a page's table or picture
 WORST_BRIEF = 5  # of the terminal's tables
 Named = tuple[str, OutputError]
@@ -74,15 +78,11 @@ def starred(z: float, star: bool) -> str:
     return f"{number(z, 2)}{'*' if star else ' '}"
 
 
-OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
-    Column(
-        "0", "", "output", "output", show=lambda o: unit_of(o).axis, brief_show=lambda o: unit_of(o).label
-    ),
+# What a comparison says of one output, read or counted: row is its name and its errors.
+SCORE_COLUMNS: tuple[Column[tuple[str, Any]], ...] = (
     Column(
         "1.rmse", head="rms error", brief="rms error", text=_with_interval("rmse"), brief_show=3, unit=_unit
     ),
-    Column("1.rmse_interval"),
-    Column("1.unit"),
     Column("1.noise_floor", head="noise floor", brief="floor", brief_text=_floor, show=3, unit=_unit),
     Column(
         "1.source",
@@ -93,11 +93,19 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
     ),
     Column("1.ratio_to_floor", head="ratio", brief="ratio", show=2),
     Column("1.bias", head="mean error", brief="mean", text=_with_interval("bias"), brief_show=3, unit=_unit),
+    Column("1.unit"),
+)
+OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
+    Column(
+        "0", "", "output", "output", show=lambda o: unit_of(o).axis, brief_show=lambda o: unit_of(o).label
+    ),
+    *SCORE_COLUMNS,
+    Column("1.n", head="readings", brief="readings"),
+    Column("1.n_effective", head="independent", brief="worth", show=3, brief_show=lambda n: f"{n:.0f}"),
+    Column("1.rmse_interval"),
     Column("1.bias_interval"),
     Column("1.noise.within", "noise_within"),
     Column("1.noise.between", "noise_between"),
-    Column("1.n", head="readings", brief="readings"),
-    Column("1.n_effective", head="independent", brief="worth", show=3, brief_show=lambda n: f"{n:.0f}"),
 )
 PLACE_COLUMNS: tuple[Column[Place], ...] = (
     Column("condition", head="condition", brief="worst places"),
@@ -135,7 +143,7 @@ def comparison_document(
         sentence=interpret(comparison),
         data=comparison_json(comparison),
         brief=tuple(brief),
-        warnings=tuple(map(Warned, comparison.remarks)),
+        warnings=tuple(map(remark, comparison.remarks)),
         draw=lambda: _drawn(Compared(measurement, predicted, comparison)),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
@@ -153,15 +161,15 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         }
         for place in comparison.places
     ]
-    outputs = comparison.outputs.items()
+    outputs, runs, conditions = comparison.outputs.items(), comparison.runs, comparison.conditions
     return {
         "outputs": {name: as_json(OUTPUT_COLUMNS, (name, error)) for name, error in outputs},
         "rmse_over_floor": comparison.rmse_over_floor,
         "rmse_over_floor_interval": list(comparison.rmse_over_floor_interval),
         "interpretation": interpret(comparison),
         "judged": comparison.judged,
-        "runs": [_group_json(run, "run") for run in comparison.runs],
-        "conditions": [_group_json(condition, "condition") for condition in comparison.conditions],
+        "runs": [as_json(group_columns("run", runs), run) for run in runs],
+        "conditions": [as_json(group_columns("condition", conditions), one) for one in conditions],
         "worst": [as_json(PLACE_COLUMNS, place) for place in comparison.worst],
         "covariates": [{"name": name, "importance": share} for name, share in comparison.depends_on.items()],
         "bins": bins,
@@ -172,131 +180,116 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _group_json(group: GroupError, key: str) -> dict[str, Any]:
-    return {
-        key: group.name,
-        "words": group.words,
-        **({"runs": list(group.runs)} if key == "condition" else {}),
-        "outputs": {name: {**values, "unit": si_unit(name)} for name, values in group.outputs.items()},
-        "rmse_over_floor": group.rmse_over_floor,
-        "share_of_error": group.share_of_error,
-        "n_samples": group.n,
-    }
+def group_columns(
+    kind: Literal["run", "condition"], groups: Sequence[GroupError]
+) -> tuple[Column[GroupError], ...]:
+    """Columns of the errors of runs, or of conditions; the page shows the first outputs only."""
+    names = list(dict.fromkeys(name for group in groups for name in group.outputs))[:OUTPUTS_OF_GROUPS]
+
+    def outputs(group: GroupError) -> dict[str, Any]:
+        return {name: {**values, "unit": si_unit(name)} for name, values in group.outputs.items()}
+
+    def error(name: str, part: str, key: str) -> Column[GroupError]:
+        value: Callable[[GroupError], float] = lambda g: g.outputs.get(name, {}).get(key, np.nan)  # noqa: E731
+        return Column(value, head=f"{part} {unit_of(name).axis}", show=3, unit=lambda _: unit_of(name))
+
+    return (
+        Column("name", kind, "run" if kind == "run" else "runs"),
+        Column("words", head="condition"),
+        Column("runs", None if kind == "condition" else ""),
+        Column(outputs, "outputs"),
+        *(error(name, *part) for name in names for part in (("rms", "rmse"), ("mean", "bias"))),
+        Column("rmse_over_floor", head="in floors", show=2),
+        Column("share_of_error", head="of the squared error", show=whole_percent),
+        Column("n", "n_samples", "readings"),
+    )
 
 
 def _drawn(compared: Compared) -> Drawn:
-    drawn = compared.outputs_by_error()[:OUTPUTS_DRAWN]
-    more = tuple(_runs(compared, output, f"runs_{k}") for k, output in enumerate(drawn[1:], start=2))
-    made = (
-        _where(compared, drawn),
-        _loops(compared, drawn),
-        _map(compared),
-        Section("Further outputs in time", more) if more else None,
-        _numbers(compared.comparison),
-    )
-    return Drawn(_runs(compared, drawn[0], "runs"), tuple(section for section in made if section is not None))
+    from pliant.report.figures import comparison as figures  # matplotlib takes a second to import
 
+    comparison, shown = compared.comparison, compared.outputs_by_error()[:OUTPUTS_DRAWN]
 
-def _runs(compared: Compared, output: str, name: str) -> Picture:
-    from pliant.report.figures.comparison import MOST, runs_in_time
+    def runs(output: str, name: str) -> Picture:
+        _, whole = compared.worst_runs(figures.MOST)
+        which = "all runs" if whole else "one run of each condition, the worst first"
+        words, floor = unit_of(output), comparison.outputs[output].noise_floor
+        band = f"; the band is ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
+        caption = (
+            f"{capital(words.label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
+            "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in "
+            "twenty, anywhere."
+        )
+        return Picture(name, caption, figures.runs_in_time(compared, output))
 
-    _, whole = compared.worst_runs(MOST)
-    which = "all runs" if whole else "one run of each condition, the worst first"
-    words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
-    band = f"; the band is ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
-    caption = (
-        f"{capital(words.label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
-        "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in twenty, "
-        "anywhere."
-    )
-    return Picture(name, caption, runs_in_time(compared, output))
+    def of_each(
+        name: str, caption: str, draw: Callable[[Compared, str], NDArray[np.uint8] | None]
+    ) -> list[Picture]:
+        """One picture of each output; none where nothing varies."""
+        labels = [unit_of(output).label for output in shown]
+        made = [
+            picture(
+                f"{name}_{k}", caption.format(label=label, capital=capital(label)), draw(compared, output)
+            )
+            for k, (output, label) in enumerate(zip(shown, labels, strict=True), start=1)
+        ]
+        return [one for one in made if one is not None]
 
-
-def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
-    from pliant.report.figures.comparison import residual_places
-
-    comparison = compared.comparison
-    caption = (
+    where = of_each(
+        "where",
         "Error in {label} against everything that varied. Dots: mean error in a bin with the 95 % interval that noise "
         "of this colour gives it; filled: more than noise, corrected for looking at "
         f"{comparison.n_places} places. “Tells 40 %”: this circumstance alone predicts 40 % of the error's variance in "
-        "runs that it was not fitted to."
+        "runs that it was not fitted to.",
+        figures.residual_places,
     )
-    pictures = _pictures("where", caption, residual_places, compared, drawn)
+    loops = of_each(
+        "loops",
+        "{capital} over what drives it; below, the error over the same, coloured by what the actuation does. A gap "
+        "between rising and falling is hysteresis that the model lacks or has too much; a common slope a wrong gain "
+        "or stiffness; a common shift an offset; a vertical stroke in a hold a drift.",
+        figures.loops,
+    )
+    cut = f" The {figures.MOST_RUNS} worst runs." if len(comparison.runs) > figures.MOST_RUNS else ""
+    caption = f"Rms error of each run in units of the noise: white is noise, red more, blue less, grey no data.{cut}"
+    title = "Map of conditions"
+    return drawn(
+        runs(shown[0], "runs"),
+        section("Where the error is", *where, _places_table(comparison)) if where else None,
+        section("Loops", *loops),
+        section(title, picture("map", caption, figures.condition_map(compared))),
+        section(
+            "Further outputs in time", *(runs(output, f"runs_{k}") for k, output in enumerate(shown[1:], 2))
+        ),
+        _numbers(comparison),
+    )
+
+
+def _places_table(comparison: Comparison) -> Table:
     found = any(place.significant for place in comparison.worst)
     note = (
         "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
         "late times may be the same readings. z: mean error over what noise would give it."
     )
-    table = page_table(
+    return page_table(
         "The worst places" if found else "The largest shares; none is more than noise",
         PLACE_COLUMNS,
         comparison.worst,
         note if comparison.worst else "No place holds more than its part of the error.",
     )
-    return Section("Where the error is", pictures, (table,)) if pictures else None
 
 
-def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
-    from pliant.report.figures.comparison import loops
+def _numbers(comparison: Comparison) -> Section | None:
+    def groups(title: str, kind: Literal["run", "condition"], of: Sequence[GroupError]) -> Table:
+        cut = f"The first {ROWS} of {len(of)}." if len(of) > ROWS else ""
+        return page_table(title, group_columns(kind, of), of[:ROWS], cut, 2)
 
-    caption = (
-        "{capital} over what drives it; below, the error over the same, coloured by what the actuation does. A gap "
-        "between rising and falling is hysteresis that the model lacks or has too much; a common slope a wrong gain "
-        "or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
+    repeated = len(comparison.conditions) < len(comparison.runs)
+    return section(
+        "Numbers",
+        page_table("Errors by output", OUTPUT_COLUMNS, list(comparison.outputs.items())),
+        groups("Run by run", "run", comparison.runs),
+        groups("By condition, repeats together", "condition", comparison.conditions) if repeated else None,
+        note=f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones. Intervals: "
+        "95 %, bootstrap of whole runs, or of stretches of runs where there are fewer than eight.",
     )
-    pictures = _pictures("loops", caption, loops, compared, drawn)
-    return Section("Loops", pictures) if pictures else None
-
-
-def _pictures(
-    name: str, caption: str, draw: Callable[[Compared, str], Any], compared: Compared, drawn: Sequence[str]
-) -> tuple[Picture, ...]:
-    """One picture of each output; none where nothing varies."""
-    made = []
-    for k, output in enumerate(drawn, start=1):
-        png, label = draw(compared, output), unit_of(output).label
-        if png is None:
-            return ()
-        made.append(Picture(f"{name}_{k}", caption.format(label=label, capital=capital(label)), png))
-    return tuple(made)
-
-
-def _map(compared: Compared) -> Section | None:
-    from pliant.report.figures.comparison import MOST_RUNS, condition_map
-
-    png = condition_map(compared)
-    if png is None:
-        return None
-    cut = f" The {MOST_RUNS} worst runs." if len(compared.comparison.runs) > MOST_RUNS else ""
-    caption = f"Rms error of each run in units of the noise: white is noise, red more, blue less, grey no data.{cut}"
-    return Section("Map of conditions", (Picture("map", caption, png),))
-
-
-def _numbers(comparison: Comparison) -> Section:
-    outputs = page_table("Errors by output", OUTPUT_COLUMNS, list(comparison.outputs.items()))
-    tables = [outputs, _groups_table("Run by run", "run", comparison.runs)]
-    if len(comparison.conditions) < len(comparison.runs):
-        tables.append(_groups_table("By condition, repeats together", "runs", comparison.conditions))
-    note = (
-        f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones. Intervals: "
-        "95 %, bootstrap of whole runs, or of stretches of runs where there are fewer than eight."
-    )
-    return Section("Numbers", (), tuple(tables), note)
-
-
-def _groups_table(title: str, head: str, groups: Sequence[GroupError]) -> Table:
-    names = list(dict.fromkeys(name for group in groups for name in group.outputs))[:6]
-
-    def error(name: str, part: str, key: str) -> Column[GroupError]:
-        factor = unit_of(name).factor
-        cell: Callable[[GroupError], float] = lambda g: g.outputs.get(name, {}).get(key, np.nan) * factor  # noqa: E731
-        return Column(cell, head=f"{part} {unit_of(name).axis}", show=3)
-
-    columns: list[Column[GroupError]] = [Column("name", head=head), Column("words", head="condition")]
-    columns += [error(name, *part) for name in names for part in (("rms", "rmse"), ("mean", "bias"))]
-    columns.append(Column("rmse_over_floor", head="in floors", show=2))
-    columns.append(Column("share_of_error", head="of the squared error", show=whole_percent))
-    columns.append(Column("n", head="readings"))
-    cut = f"The first {ROWS} of {len(groups)}." if len(groups) > ROWS else ""
-    return page_table(title, columns, groups[:ROWS], cut, 2)

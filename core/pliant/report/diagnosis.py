@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
@@ -25,7 +26,18 @@ from pliant.report.diagnosis_tables import (
     not_excited_table,
     parameter_texts,
 )
-from pliant.report.document import Document, Drawn, Picture, Section, Warned, brief_table, capital
+from pliant.report.document import (
+    Document,
+    Drawn,
+    Picture,
+    Section,
+    Warned,
+    brief_table,
+    capital,
+    drawn,
+    picture,
+    section,
+)
 from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
@@ -146,9 +158,13 @@ def numbers_text(found: Diagnosis) -> str:
 
 
 def implausible(found: Diagnosis) -> list[str]:
-    """Parameters of the best explanation outside their plausible range, a sentence each."""
+    """Parameters of the best explanation outside their plausible range that need their shape, a sentence each."""
     fitted = found.estimates.get(found.explained)
-    return [] if fitted is None else [implausible_text(e) for e in fitted.estimates if not e.plausible]
+    return (
+        []
+        if fitted is None
+        else [implausible_text(e) for e in fitted.estimates if not (e.plausible or e.simpler)]
+    )
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
@@ -162,27 +178,49 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.figures.diagnosis import hypotheses
+    from pliant.report.figures import diagnosis as figures  # matplotlib takes a second to import
 
+    found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
+    label = unit_of(output).label
+    depends = picture(
+        "depends",
+        f"Mean error in {label} against the circumstances that told most of it. Bars: 95 % under noise; filled: more "
+        "than noise, corrected for looking at many places. An explanation that is right flattens all of them, not "
+        "only one.",
+        figures.error_depends(diagnosed, output),
+    )
+    table = dependence_table(diagnosed)
+    repeats = picture(
+        "repeats",
+        f"Repeats in {label}, each less their mean. The band is ± 2 times the noise within a run: runs that leave it "
+        "as a whole have moved between one another.",
+        figures.repeats(diagnosed, output),
+    )
     made = [
-        _next(diagnosed.found),
-        _changes(diagnosed),
-        _depends(diagnosed),
-        _limits(diagnosed.found, registry),
-        Section("Numbers", (), (hypotheses_table(diagnosed.found, diagnosed.hypotheses()),)),
-        _noise(diagnosed),
+        _next(found),
+        _changes(diagnosed, figures.explained_runs),
+        section(
+            "What the error depends on",
+            depends,
+            table,
+            note="" if table is not None else "The error that is left depends on nothing that was recorded.",
+        )
+        if depends is not None
+        else None,
+        _limits(found, registry),
+        section("Numbers", hypotheses_table(found, diagnosed.hypotheses())),
+        section("Noise", repeats, noise_table(found), text=_noise_text(found, repeats is not None)),
     ]
-    if diagnosed.found.verdict == "not_repeatable":  # the repeats are the finding
+    if found.verdict == "not_repeatable":  # the repeats are the finding
         made.insert(0, made.pop())
-    doubt = diagnosed.found.verdict in ("not_repeatable", "insufficient_data")
+    doubt = found.verdict in ("not_repeatable", "insufficient_data")
     caption = (
         f"{'For completeness; no verdict rests on these numbers. ' if doubt else ''}"
-        f"{len(diagnosed.found.table.rows)} explanations were fitted to all runs with the physics in the loop. Dark: "
+        f"{len(found.table.rows)} explanations were fitted to all runs with the physics in the loop. Dark: "
         "together at least 90 % probable. A good explanation brings the error on runs that it was not fitted to down "
         "to the noise floor, with few parameters; a lower error with more parameters need not be more probable."
     )
-    hero = Picture("hypotheses", caption, hypotheses(diagnosed))
-    return Drawn(hero, tuple(section for section in made if section is not None))
+    return drawn(Picture("hypotheses", caption, figures.hypotheses(diagnosed)), *made)
 
 
 def _next(found: Diagnosis) -> Section | None:
@@ -209,9 +247,7 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
     return "; ".join(f"{named(a)} from {listed(names)}" for a, names in others.items())
 
 
-def _changes(diagnosed: Diagnosed) -> Section:
-    from pliant.report.figures.diagnosis import explained_runs
-
+def _changes(diagnosed: Diagnosed, draw: Callable[[Diagnosed, str], NDArray[np.uint8]]) -> Section:
     found, pictures = diagnosed.found, []
     which = (
         "the runs in which the explanation takes away most of the error, one of each condition"
@@ -225,32 +261,13 @@ def _changes(diagnosed: Diagnosed) -> Section:
             f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
             "input."
         )
-        pictures.append(Picture(f"changes_{k}", caption, explained_runs(diagnosed, output)))
+        pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output)))
     names = " or ".join(named(kinds) for kinds in diagnosed.explanations)
     title = {
         "missing_effect": f"What {names} changes",
         "unknown_effect": f"The most probable in the list, {names}, does not do it",
     }.get(found.verdict, f"What {names} would change")
     return Section(title if names else "The model in its worst runs", tuple(pictures))
-
-
-def _depends(diagnosed: Diagnosed) -> Section | None:
-    from pliant.report.figures.diagnosis import error_depends
-
-    output = diagnosed.outputs_by_gain()[0]
-    png = error_depends(diagnosed, output)
-    table = dependence_table(diagnosed)
-    if png is None:
-        return None
-    caption = (
-        f"Mean error in {unit_of(output).label} against the circumstances that told most of it. Bars: 95 % under "
-        "noise; filled: more than noise, corrected for looking at many places. An explanation that is right flattens "
-        "all of them, not only one."
-    )
-    note = "" if table is not None else "The error that is left depends on nothing that was recorded."
-    return Section(
-        "What the error depends on", (Picture("depends", caption, png),), (table,) if table else (), note
-    )
 
 
 def _limits(found: Diagnosis, registry: Registry) -> Section:
@@ -262,36 +279,19 @@ def _limits(found: Diagnosis, registry: Registry) -> Section:
         detectable_table(found),
     )
     asked, silent = len(found.excitations), len(found.not_excited)
-    text = [f"These runs excite {asked - silent} of the {asked} effects that were asked."]
-    if not found.indistinguishable:
-        text.append("Under them no two of these look alike.")
-    return Section(
-        "What these runs could not show",
-        (),
-        tuple(table for table in made if table is not None),
-        text=(" ".join(text),),
-    )
+    text = f"These runs excite {asked - silent} of the {asked} effects that were asked."
+    text += "" if found.indistinguishable else " Under them no two of these look alike."
+    tables = tuple(table for table in made if table is not None)
+    return Section("What these runs could not show", tables=tables, text=(text,))
 
 
-def _noise(diagnosed: Diagnosed) -> Section:
-    from pliant.report.figures.diagnosis import repeats
-
-    found = diagnosed.found
-    output = diagnosed.outputs_by_gain()[0]
-    png = repeats(diagnosed, output)
-    pictures: tuple[Picture, ...] = ()
-    if png is not None:
-        caption = (
-            f"Repeats in {unit_of(output).label}, each less their mean. The band is ± 2 times the noise within a run: "
-            "runs that leave it as a whole have moved between one another."
-        )
-        pictures = (Picture("repeats", caption, png),)
+def _noise_text(found: Diagnosis, repeated: bool) -> list[str]:
     text = [
         f"{found.table.n_readings} readings, worth {found.noise.n_effective:.0f} independent ones: neighbours in time "
         "share their noise. All probabilities rest on the smaller number."
     ]
     scatter = found.noise.between_run_scatter
-    if png is None:
+    if not repeated:
         text.append("No run has the same inputs as another, so that nobody knows whether the bench repeats.")
     elif scatter < 1.05:
         text.append(
@@ -305,4 +305,4 @@ def _noise(diagnosed: Diagnosed) -> Section:
             "The floor comes from neighbouring readings only. Slow noise and offsets between runs are invisible to it: "
             "an error above it need not be the model's, and “an effect outside the list” cannot be judged."
         )
-    return Section("Noise", pictures, (noise_table(found),), text=tuple(text))
+    return text

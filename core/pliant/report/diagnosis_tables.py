@@ -11,7 +11,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, circumstance
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes
-from pliant.report.document import Column, Table, as_json, page_table
+from pliant.report.document import Column, Table, as_json, optional_table, page_table
 from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     estimate_text,
@@ -110,7 +110,7 @@ def not_excited_table(found: Diagnosis) -> Table | None:
     """Effects that cannot be judged from these runs, and the run that would show each."""
     rows = [[kind, run or "none that this bench can do"] for kind, run in found.not_excited.items()]
     note = "Even as strong as an expert would still believe, they change these readings by less than 0.3 noise floors."
-    return _table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
+    return optional_table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
 
 
 def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
@@ -137,7 +137,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         "imitate; the noise hides it."
     )
     head = ["effect", "can be imitated by", "what tells them apart"]
-    return _table("Look-alikes under these runs", head, rows, note, 3)
+    return optional_table("Look-alikes under these runs", head, rows, note, 3)
 
 
 def classes_table(found: Diagnosis) -> Table | None:
@@ -152,7 +152,7 @@ def classes_table(found: Diagnosis) -> Table | None:
         "it. A run is sought where an effect of the class is among the explanations that are left."
     )
     head = ["cannot be told apart", "run that would split them", "into"]
-    return _table("Classes under these runs", head, rows, note, 3)
+    return optional_table("Classes under these runs", head, rows, note, 3)
 
 
 def detectable_table(found: Diagnosis) -> Table | None:
@@ -169,7 +169,7 @@ def detectable_table(found: Diagnosis) -> Table | None:
         rows.append([one.kind, word, none, f"{value}{flag}", f"{low} to {high}"])
     head = ["effect", "parameter", "no effect at", "found from about", "plausible range"]
     note = "Weaker effects may be there and would not have been noticed: this is what “nothing missing” leaves open."
-    return _table("Smallest strengths that these runs would show", head, rows, note, 2)
+    return optional_table("Smallest strengths that these runs would show", head, rows, note, 2)
 
 
 def noise_table(found: Diagnosis) -> Table:
@@ -191,9 +191,6 @@ def dependence_table(diagnosed: Diagnosed) -> Table | None:
     told = [[circumstance(found, n), whole_percent(v)] for n, v in found.depends_on.items() if v >= 0.02]
     left = "model as it is" if found.explained == NOTHING else f"model with {named(found.explained)}"
     note = "Share of its variance that the circumstance alone predicts, without physics, on runs left out."
-    return _table(f"What the error of the {left} depends on", ["circumstance", "tells"], told[:6], note, 1)
-
-
-def _table(title: str, head: list[str], rows: list[list[str]], note: str, numeric: int) -> Table | None:
-    """None without rows."""
-    return Table(title, head, rows, note, numeric) if rows else None
+    return optional_table(
+        f"What the error of the {left} depends on", ["circumstance", "tells"], told[:6], note, 1
+    )

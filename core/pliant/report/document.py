@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -40,6 +41,7 @@ class Column(Generic[Row]):
             by default the value itself as text.
         brief_show: the same for the terminal where it differs from the page's.
         unit: display unit of the row; `show` are then digits in this unit, which the terminal alone writes behind them.
+        none: the cell of a value that is None; so is every value behind a part of the path that is None.
     """
 
     value: str | Callable[[Row], Any]
@@ -51,6 +53,7 @@ class Column(Generic[Row]):
     show: int | Unit | Callable[[Any], str] = str
     brief_show: int | Unit | Callable[[Any], str] | None = None
     unit: Callable[[Row], Unit] | None = None
+    none: str = "–"
 
     @property
     def json_key(self) -> str:
@@ -69,6 +72,8 @@ class Column(Generic[Row]):
             return self.value(row)
         value: Any = row
         for part in self.value.split("."):
+            if value is None:
+                return None
             if isinstance(value, Mapping):
                 value = value[part]
             else:
@@ -83,6 +88,8 @@ class Column(Generic[Row]):
         if show is None and self.text is not None:
             return self.text(row)
         show, value = self.show if show is None else show, self.of(row)
+        if value is None:
+            return self.none
         if callable(show):
             return show(value)
         if isinstance(show, Unit):
@@ -117,6 +124,20 @@ def page_table(
     shown = [column for column in columns if column.head]
     return Table(
         title, [c.head for c in shown], [[c.cell(row) for c in shown] for row in rows], note, numeric
+    )
+
+
+def optional_table(
+    title: str, head: Cells, rows: Sequence[Cells], note: str = "", numeric: int = 1
+) -> Table | None:
+    """The table; None without rows."""
+    return Table(title, head, rows, note, numeric) if rows else None
+
+
+def named_values(title: str, values: Mapping[str, str | None], note: str = "") -> Table:
+    """A table of names and texts; what has no text is left out."""
+    return Table(
+        title, ["", "value"], [[name, text] for name, text in values.items() if text], note, numeric=9
     )
 
 
@@ -161,11 +182,23 @@ def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture |
     return None if png is None else Picture(name, caption, png)
 
 
-def section(title: str, *parts: Picture | Table | None, text: str = "", note: str = "") -> Section | None:
-    """A section of the pictures and tables that are there; None without any."""
+def section(
+    title: str, *parts: Picture | Table | None, text: str | Sequence[str] = (), note: str = ""
+) -> Section | None:
+    """A section of the pictures and tables that are there; None without any. `text`: one paragraph or several."""
     pictures = tuple(part for part in parts if isinstance(part, Picture))
     tables = tuple(part for part in parts if isinstance(part, Table))
-    return Section(title, pictures, tables, note, (text,) if text else ()) if pictures or tables else None
+    paragraphs = tuple(filter(None, [text] if isinstance(text, str) else text))
+    return Section(title, pictures, tables, note, paragraphs) if pictures or tables else None
+
+
+class Rank(IntEnum):
+    """What a warning is about, the gravest first."""
+
+    UNIT = 0  # a unit may be wrong: no number is to be believed before that is settled
+    FLOOR = 1  # the noise floor cannot judge
+    DATA = 2  # what the data lack, and what the result rests on
+    DETAIL = 3
 
 
 @dataclass(frozen=True)
@@ -175,6 +208,7 @@ class Warned:
     sentence: str
     items: tuple[str, ...] = ()
     folded: bool = False
+    rank: Rank = Rank.DATA
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +235,7 @@ class Document:
         data: the JSON object: plain SI values by the keys of docs/formats.md.
         brief: tables and lines that the terminal prints first.
         points: sentences beneath the result.
-        warnings: what limits the result, the gravest first.
+        warnings: what limits the result; renderers show them by rank.
         closing: what the terminal prints last; the sentence where there is nothing else.
         draw: makes hero and sections; called where a page is written only.
         footer: the page's last line.
@@ -221,6 +255,16 @@ class Document:
     footer: str = ""
     page: str = "report.html"
     version: str = __version__
+
+    @property
+    def ranked(self) -> tuple[Warned, ...]:
+        """The warnings, the gravest first, those that are folded last."""
+        return tuple(sorted(self.warnings, key=lambda warned: (warned.folded, warned.rank)))
+
+    @property
+    def unit_doubts(self) -> tuple[Warned, ...]:
+        """Warnings to settle before anything else is believed."""
+        return tuple(warned for warned in self.warnings if warned.rank == Rank.UNIT)
 
 
 @dataclass(frozen=True, eq=False)

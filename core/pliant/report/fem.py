@@ -12,7 +12,7 @@ from pliant.formatting import percent, units_of_page
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
 from pliant.report.document import Document, Drawn, capital
-from pliant.report.fem_view import Solved, axis_record, data_warnings, free_reach, solved_rows
+from pliant.report.fem_view import DesignStates, axis_record, data_warnings, free_reach, solved_rows
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
@@ -33,7 +33,7 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
     written = study.canonical()
     kind = str((written.get("fem") or {}).get("kind", ""))
     names = [study.name] if len(artifacts) == 1 else [f"design {n + 1}" for n in range(len(artifacts))]
-    designs = [Solved(name, a.value, kind) for name, a in zip(names, artifacts, strict=True)]
+    designs = [DesignStates(name, a.value, kind) for name, a in zip(names, artifacts, strict=True)]
     several = len(designs) > 1
     manifests = [a.manifest for a in artifacts]
 
@@ -147,7 +147,7 @@ def _cost_line(data: ModuleData) -> str:
     )
 
 
-def _sentence(design: Solved, named: bool) -> str:
+def _sentence(design: DesignStates, named: bool) -> str:
     """Free deformation, number of states, whether the stated error was reached."""
     data = design.data
     record = axis_record(data, data.main_axis)

@@ -11,9 +11,20 @@ from numpy.typing import NDArray
 
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TRUSTED, FemDataset, ModuleData
-from pliant.report.document import Cells, Drawn, Picture, Section, Table, drawn, numbered, section
+from pliant.report.document import (
+    Cells,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    drawn,
+    named_values,
+    numbered,
+    optional_table,
+    section,
+)
 from pliant.report.fem_view import (
-    Solved,
+    DesignStates,
     axis_record,
     explored_kinds,
     failed_place,
@@ -31,7 +42,7 @@ FAILURES = 20  # failed states that are spelt out
 STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published study's loads"}
 
 
-def fem_drawn(study: Mapping[str, Any], designs: Sequence[Solved], manifests: Manifests) -> Drawn:
+def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifests: Manifests) -> Drawn:
     """The states of the first design on top, then all of them."""
     shapes = shape_section([(d.name, d.data.axis(d.data.main_axis)) for d in designs])
     states, *rest = data_sections(designs)
@@ -56,7 +67,7 @@ def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
     return section("One module, undeformed and deformed", *pictures)
 
 
-def data_sections(designs: Sequence[Solved], remark: str = "") -> list[Section]:
+def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Section]:
     """States, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
     if not designs:
         return []
@@ -167,52 +178,49 @@ def coupling_table(data: ModuleData) -> Table | None:
         f"{axis} {u_unit.text(round(float(value), ROUNDED), 3)}"
         for axis, value in zip(data.axes, found["deformation"], strict=True)
     )
-    place = f"{p_unit.text(float(found['actuation']))}; {u}"
     differ = found.get("pieces_differ")
-    largest = f"{number(float(found['largest']), 3)} between {first} and {second}"
-    rows = [
-        ["largest off-diagonal slope", largest],
-        ["found at", place],
-        ["asymmetry of ∂τ/∂u", _tiny(float(found["largest_asymmetry"]))],
-        ["free angle, piece of one axis against the whole", "–" if differ is None else _tiny(float(differ))],
-        ["states of the whole module", str(found["n_states"])],
-    ]
+    values = {
+        "largest off-diagonal slope": f"{number(float(found['largest']), 3)} between {first} and {second}",
+        "found at": f"{p_unit.text(float(found['actuation']))}; {u}",
+        "asymmetry of ∂τ/∂u": _tiny(float(found["largest_asymmetry"])),
+        "free angle, piece of one axis against the whole": "–" if differ is None else _tiny(float(differ)),
+        "states of the whole module": str(found["n_states"]),
+    }
     note = (
         "Off-diagonal slopes ∂τᵢ/∂uⱼ by √(∂τᵢ/∂uᵢ ∂τⱼ/∂uⱼ): 0 for axes that do not know of each other. An energy makes "
         "the slopes symmetric, so their asymmetry is the solver's error."
     )
-    return Table("Coupling of the axes", ["", "value"], rows, note, numeric=9)
+    return named_values("Coupling of the axes", values, note)
 
 
 def cost_table(data: ModuleData, backend: str) -> Table:
     """Size of the mesh, Newton steps and seconds of the states."""
     rows = solved_rows(data)
     wall, steps = data.wall_s[rows], data.iterations[rows]
-    table: list[Cells] = [["FEM code", backend or "–"]]
     pieces = data.sampling.get("pieces")
-    for name, size in (pieces if isinstance(pieces, Mapping) else {}).items():
-        label = {"main": "mesh", "full": "mesh of the whole module"}.get(str(name), str(name))
-        table.append([label, f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"])
-    table += [
-        ["states solved", str(int(rows.sum()))],
-        ["time of all states", seconds(float(wall.sum()))],
-        ["time of a state", _mean_and_largest(wall.tolist(), seconds)],
-        ["Newton steps of a state", _mean_and_largest(steps.tolist(), lambda s: number(float(s), 3))],
-        ["Newton steps in all", str(int(steps.sum()))],
-    ]
-    return Table("Cost", ["", "value"], table, numeric=9)
+    labels = {"main": "mesh", "full": "mesh of the whole module"}
+    meshes = {
+        labels.get(str(name), str(name)): f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"
+        for name, size in (pieces if isinstance(pieces, Mapping) else {}).items()
+    }
+    values = {
+        "FEM code": backend or "–",
+        **meshes,
+        "states solved": str(int(rows.sum())),
+        "time of all states": seconds(float(wall.sum())),
+        "time of a state": _mean_and_largest(wall.tolist(), seconds),
+        "Newton steps of a state": _mean_and_largest(steps.tolist(), lambda s: number(float(s), 3)),
+        "Newton steps in all": str(int(steps.sum())),
+    }
+    return named_values("Cost", values)
 
 
 def failed_table(data: ModuleData) -> Table | None:
     """States that were not reached, with their causes."""
-    if not data.failed:
-        return None
-    rows: list[Cells] = [
-        [*failed_place(entry, data), str(entry.get("cause", "–"))] for entry in data.failed[:FAILURES]
-    ]
-    more = len(data.failed) - FAILURES
+    shown, more = data.failed[:FAILURES], len(data.failed) - FAILURES
+    rows = [[*failed_place(entry, data), str(entry.get("cause", "–"))] for entry in shown]
     note = f"{more} more in the JSON result." if more > 0 else ""
-    return Table("Failed states", ["actuation", "held", "cause"], rows, note, numeric=9)
+    return optional_table("Failed states", ["actuation", "held", "cause"], rows, note, numeric=9)
 
 
 def _span(values: NDArray[np.float64], unit: Unit) -> str:

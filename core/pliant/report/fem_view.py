@@ -17,7 +17,7 @@ LISTED = 12  # entries that a warning spells out
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class DesignStates:
     """The FEM data of a design, under its name; `backend` is the kind of the code that solved it."""
 
     name: str

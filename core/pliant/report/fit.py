@@ -31,7 +31,7 @@ from pliant.records.fem import ModuleData
 from pliant.report.document import Document, Drawn, Table, Warned, as_json, brief_table, capital
 from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
-from pliant.report.fit_view import Fitted, unstable_places
+from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
@@ -49,11 +49,11 @@ UNSTABLE_LAW = (
 
 def fit_document(
     title: str,
-    fitted: Sequence[Fitted],
+    fitted: Sequence[ReportedLaw],
     study: Mapping[str, Any],
     data: Mapping[str, Any],
     brief: Sequence[Table | str],
-    compared: Sequence[Fitted] = (),
+    compared: Sequence[ReportedLaw] = (),
 ) -> Document:
     """The document of laws.
 
@@ -88,7 +88,7 @@ def fit_document(
 
 
 def laws_document(
-    title: str, designs: Sequence[DesignStages], fitted: Sequence[Fitted], study: Mapping[str, Any]
+    title: str, designs: Sequence[DesignStages], fitted: Sequence[ReportedLaw], study: Mapping[str, Any]
 ) -> Document:
     """The document of a study's laws, one for each of its designs; see `fitted_designs`."""
     results = [law_json(design) for design in designs]
@@ -97,7 +97,7 @@ def laws_document(
 
 
 def table_document(
-    source: Path, stages: DesignStages, fitted: Sequence[Fitted], problems: Mapping[str, str]
+    source: Path, stages: DesignStages, fitted: Sequence[ReportedLaw], problems: Mapping[str, str]
 ) -> Document:
     """The document of a law from a table of states.
 
@@ -134,9 +134,9 @@ def table_document(
 def stored_fit_page(
     bench: Workbench,
     document: Document,
-    fitted: Sequence[Fitted],
+    fitted: Sequence[ReportedLaw],
     study: Mapping[str, Any],
-    compared: Sequence[Fitted] = (),
+    compared: Sequence[ReportedLaw] = (),
 ) -> StoredPage:
     """What the page of laws depends on."""
     every = [*fitted, *compared]
@@ -150,7 +150,7 @@ def stored_fit_page(
     return StoredPage(bench, _manifests(fitted, compared), components, "pliant.report.fit_page", config)
 
 
-def _manifests(fitted: Sequence[Fitted], compared: Sequence[Fitted]) -> list[Mapping[str, Any]]:
+def _manifests(fitted: Sequence[ReportedLaw], compared: Sequence[ReportedLaw]) -> list[Mapping[str, Any]]:
     return [a.manifest for one in (*fitted, *compared) for a in one.artifacts]
 
 
@@ -163,7 +163,7 @@ def fitted_law(
     *,
     learning: bool = True,
     source: str = "FEM",
-) -> Fitted:
+) -> ReportedLaw:
     """A law with what its document shows; with `learning` the surrogate is fitted again to parts of the states.
 
     Args:
@@ -192,7 +192,7 @@ def fitted_law(
     own = "study_form" in details or any(
         "study_form" in axis for axis in dict(details.get("axes", {})).values()
     )
-    return Fitted(
+    return ReportedLaw(
         name,
         config.kind,
         stage.law,
@@ -207,7 +207,9 @@ def fitted_law(
     )
 
 
-def fitted_designs(bench: Workbench, designs: Sequence[DesignStages], learning: bool = True) -> list[Fitted]:
+def fitted_designs(
+    bench: Workbench, designs: Sequence[DesignStages], learning: bool = True
+) -> list[ReportedLaw]:
     """The laws of a study's designs, named by number where there are several."""
     found = []
     for count, design in enumerate(designs, start=1):
@@ -232,7 +234,7 @@ def _of_tables(surrogate: Surrogate, stage: LawStage) -> ModuleData:
     return module_of(stage.data)
 
 
-def fit_sentence(fitted: Fitted, named: bool = False) -> str:
+def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
     """Worst error on states left out, the study's form beside it, coverage."""
     report = fitted.report
     parts = [
@@ -250,7 +252,7 @@ def fit_sentence(fitted: Fitted, named: bool = False) -> str:
     return f"{fitted.name}: {text}" if named else capital(text)
 
 
-def fit_warnings(fitted: Fitted, named: bool = False) -> list[Warned]:
+def fit_warnings(fitted: ReportedLaw, named: bool = False) -> list[Warned]:
     """What limits the law: instability, missing bars, the states themselves."""
     prefix = f"{fitted.name}: " if named else ""
     found = []
@@ -305,7 +307,7 @@ def law_lines(design: DesignStages) -> list[str]:
     return lines
 
 
-def _table_lines(source: Path, fitted: Fitted) -> list[str]:
+def _table_lines(source: Path, fitted: ReportedLaw) -> list[str]:
     """Size and span of a table's states."""
     law, report = fitted.law, fitted.report
     count = report.n_fitted + report.n_heldout
@@ -324,7 +326,7 @@ def _span(sides: Array, unit: Unit) -> str:
     return unit.attached(f"{low} to {high}")
 
 
-def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
+def _band_lines(fitted: ReportedLaw, band: Mapping[str, Any]) -> list[str]:
     """The error bar of a table's law, its stability, states that took no part."""
     law, effort = fitted.law, effort_unit(fitted.law)
     if band["covered"] is None:
@@ -335,10 +337,9 @@ def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
             f"band     90 %: ± {effort.text(half, 2)} ({percent(half / fitted.report.effort_range)} of the range) at "
             f"the median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
         ]
-    per = "m" if law.joint == "prismatic" else "rad"
-    given, u = actuation_unit(law.actuation_name), deformation_unit(law)
+    given, u, slope = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
     lines += [
-        f"unstable axis {one['axis']}: ∂τ/∂u = {effort.factor * one['slope']:+.2g} {effort.symbol}/{per} at "
+        f"unstable axis {one['axis']}: ∂τ/∂u = {slope.factor * one['slope']:+.2g} {slope.symbol} at "
         f"{given.text(one['actuation'])}, {u.text(one['deformation'])}"
         for one in unstable_places(law)
     ] or ["stable   the effort falls with u everywhere in the domain"]

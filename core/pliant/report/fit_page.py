@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
-from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.formatting import actuation_unit, deformation_unit, number, percent
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import FitReport
 from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
 from pliant.report.figures import style
 from pliant.report.figures.error_bars import coverage_picture
-from pliant.report.figures.fem import actuation_word, coordinate_words
+from pliant.report.figures.fem import actuation_words, coordinate_words
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.learning import learning_picture, state_curves
 from pliant.report.fit_tables import (
@@ -30,7 +30,7 @@ from pliant.report.fit_tables import (
     learning_table,
     settings_table,
 )
-from pliant.report.fit_view import Fitted, slope_grid
+from pliant.report.fit_view import ReportedLaw, slope_grid, slope_unit
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import Manifests, closing_sections
 
@@ -38,8 +38,8 @@ MARK = 1e-4  # of the range: what the learning curve marks
 
 
 def fit_drawn(
-    fitted: Sequence[Fitted],
-    compared: Sequence[Fitted],
+    fitted: Sequence[ReportedLaw],
+    compared: Sequence[ReportedLaw],
     study: Mapping[str, Any],
     manifests: Manifests,
     several: bool,
@@ -55,7 +55,7 @@ def fit_drawn(
     return drawn(hero, *sections, *closing_sections(study, manifests))
 
 
-def law_pictures(fitted: Fitted, count: int = 0) -> list[Picture]:
+def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
     """The law with its band and states, one picture for each axis."""
     pictures = []
     for k, axis in enumerate(fitted.explored):
@@ -69,7 +69,7 @@ def law_pictures(fitted: Fitted, count: int = 0) -> list[Picture]:
     return pictures
 
 
-def _law_caption(fitted: Fitted, axis: str) -> str:
+def _law_caption(fitted: ReportedLaw, axis: str) -> str:
     about = f"Axis {axis}, the others at zero on the curves. " if len(fitted.law.axes) > 1 else ""
     band = (
         "Shaded: the band that holds a state with a probability of 90 %, often thinner than the line; the same band "
@@ -86,7 +86,7 @@ def _law_caption(fitted: Fitted, axis: str) -> str:
     )
 
 
-def of_one(fitted: Fitted, count: int = 0) -> tuple[Section | None, ...]:
+def of_one(fitted: ReportedLaw, count: int = 0) -> tuple[Section | None, ...]:
     """All sections of one law: errors, their places, error bars, learning, slopes, cost."""
     each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
     errors = section(
@@ -113,7 +113,7 @@ def of_one(fitted: Fitted, count: int = 0) -> tuple[Section | None, ...]:
     )
 
 
-def bar_section(fitted: Fitted, count: int = 0) -> Section | None:
+def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """Whether the error bars hold; None for a law without them."""
     curves = fitted.coverage
     if not curves:
@@ -126,7 +126,7 @@ def bar_section(fitted: Fitted, count: int = 0) -> Section | None:
     return section("Are the error bars honest?", shown, coverage_table(curves))
 
 
-def _learning(fitted: Fitted, count: int = 0) -> Section | None:
+def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """Error against the number of states; None where it was not asked for or nothing could be fitted."""
     learning = fitted.learning
     if learning is None or not learning["points"]:
@@ -141,11 +141,10 @@ def _learning(fitted: Fitted, count: int = 0) -> Section | None:
     return section("How many states it takes", shown, learning_table(learning))
 
 
-def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
+def _slopes(fitted: ReportedLaw, count: int = 0) -> Section | None:
     """∂τ/∂u over the box."""
-    effort, several, largest = effort_unit(fitted.law), len(fitted.law.axes) > 1, fitted.least_stable
-    per = "m" if fitted.law.joint == "prismatic" else "rad"
-    shown = f"{number(effort.factor * largest, 3)} {effort.symbol}/{per}"
+    several, largest = len(fitted.law.axes) > 1, fitted.least_stable
+    shown = slope_unit(fitted.law).text(largest, 3)
     verdict = (
         f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
         if largest < 0
@@ -159,7 +158,7 @@ def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
     return section("Slopes: where the joint is soft", made, text=verdict)
 
 
-def comparison_section(fitted: Sequence[Fitted]) -> Section | None:
+def comparison_section(fitted: Sequence[ReportedLaw]) -> Section | None:
     """Several surrogates on the same states; None for one."""
     if len(fitted) < 2:
         return None
@@ -175,7 +174,7 @@ LOWEST = 1e-8  # share of the range below which errors are drawn alike
 HEIGHT = 470
 
 
-def residual_map(fitted: Fitted) -> style.Png:
+def residual_map(fitted: ReportedLaw) -> style.Png:
     """One row for each axis, one column for the law and for each of the study's forms."""
     beside = {
         title.replace("the study's form, ", "study's form, "): m for title, m in fitted.study_misses.items()
@@ -204,7 +203,9 @@ def residual_map(fitted: Fitted) -> style.Png:
         return style.png(figure)
 
 
-def _map_panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: str, norm: LogNorm) -> None:
+def _map_panel(
+    axes: Any, fitted: ReportedLaw, missed: Residuals, name: str, title: str, norm: LogNorm
+) -> None:
     data, k = fitted.data, missed.axes.index(name)
     part = missed.rows(missed.axis == k)
     p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
@@ -223,7 +224,7 @@ def _map_panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: s
             edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
         )  # fmt: skip
     axes.margins(0.07)
-    axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+    axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
     worst = part.rows(part.check).worst
     says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
     words = [f"axis {name}" if len(data.axes) > 1 else "", title]
@@ -235,9 +236,8 @@ def _norm(columns: Mapping[str, Residuals]) -> LogNorm:
     """Whole decades around all errors that are drawn."""
     shares = np.concatenate([m.share for m in columns.values()])
     shares = 100 * np.maximum(shares[np.isfinite(shares)], LOWEST)
-    low = 10.0 ** np.floor(np.log10(np.quantile(shares, 0.15) if len(shares) else 1e-3))
-    high = 10.0 ** np.ceil(np.log10(shares.max(initial=10 * low)))
-    return LogNorm(low, max(high, 10 * low), clip=True)
+    low = float(np.quantile(shares, 0.15)) if len(shares) else 1e-3
+    return style.decades(low, float(shares.max(initial=low)))
 
 
 def _legend(missed: Residuals) -> list[Any]:
@@ -258,16 +258,15 @@ LEVELS = 14
 FLAT = 0.02  # of the largest slope: less than that across the box is shown as one colour
 
 
-def slope_map(fitted: Fitted) -> style.Png:
+def slope_map(fitted: ReportedLaw) -> style.Png:
     """One panel for each axis that was explored."""
     law, data, names = fitted.law, fitted.data, fitted.explored
-    p_unit, u_unit, effort = actuation_unit(law.actuation_name), deformation_unit(law), effort_unit(law)
-    per = "m" if law.joint == "prismatic" else "rad"
+    p_unit, u_unit, unit = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
     with style.canvas(1000 if len(names) == 1 else 1560, 600, wspace=0.03) as figure:
         grid = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(grid, names, strict=True):
             p, u, slopes = slope_grid(law, name)
-            x, y, shown = u * u_unit.factor, p * p_unit.factor, effort.factor * slopes
+            x, y, shown = u * u_unit.factor, p * p_unit.factor, unit.factor * slopes
             mesh = axes.contourf(x, y, shown, _levels(shown), cmap=style.pressure_map().reversed())
             if shown.max() >= 0 > shown.min():
                 axes.contour(x, y, shown, [0.0], colors=style.WARN, linewidths=2)
@@ -275,15 +274,15 @@ def slope_map(fitted: Fitted) -> style.Png:
             for colour, width, order in (("white", 2.6, 5), (style.INK, 1.3, 6)):
                 ring = {"mfc": "none", "mec": colour, "mew": width, "clip_on": False, "zorder": order}
                 axes.plot([x[j]], [y[i]], "o", ms=9, **ring)
-            label = rf"$\partial\tau/\partial u$ ({effort.symbol}/{per})"
+            label = rf"$\partial\tau/\partial u$ ({unit.symbol})"
             bar = style.colour_bar(figure, mesh, label, ax=axes, pad=0.02)
             bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
             axes.grid(False)
-            axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+            axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
             word = "softest" if shown.max() < 0 else "UNSTABLE"
             text = f"axis {name}: {word}" if len(names) > 1 else word
             largest = number(float(shown.max()), 3)
-            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {effort.symbol}/{per}")
+            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {unit.symbol}")
         return style.png(figure)
 
 
@@ -297,7 +296,7 @@ def _levels(shown: Array) -> Array:
 SMALLEST = 1e-8
 
 
-def surrogate_bars(fitted: Sequence[Fitted]) -> style.Png:
+def surrogate_bars(fitted: Sequence[ReportedLaw]) -> style.Png:
     """Three panels of horizontal bars on log scales, the first surrogate at the top."""
     worst = [100 * f.report.worst_of_range for f in fitted]
     panels = (

@@ -13,8 +13,8 @@ from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
-from pliant.report.document import Cells, Column, Table
-from pliant.report.fit_view import STUDY_FORMS, BandCoverage, Fitted, unstable_places
+from pliant.report.document import Cells, Column, Table, named_values, optional_table
+from pliant.report.fit_view import STUDY_FORMS, BandCoverage, ReportedLaw, unstable_places
 from pliant.report.provenance import short_text, words
 
 PUBLISHED = 0.0826
@@ -30,7 +30,7 @@ TOLD = {
 }  # fmt: skip
 
 
-def errors_table(fitted: Fitted) -> Table:
+def errors_table(fitted: ReportedLaw) -> Table:
     """The law, the study's forms on the same states, the published figure."""
     effort, report = effort_unit(fitted.law), fitted.report
     rows: list[Cells] = [
@@ -82,7 +82,7 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
     return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
 
-def choice_table(fitted: Fitted, axis: str) -> Table | None:
+def choice_table(fitted: ReportedLaw, axis: str) -> Table | None:
     """The candidates of a cross-validation of one axis; None where the surrogate tells none."""
     details = fitted.axis_details(axis) or fitted.report.details
     found = details.get("cross_validation")
@@ -98,23 +98,19 @@ def choice_table(fitted: Fitted, axis: str) -> Table | None:
     return Table(title, [*(words(name) for name in names), ""], rows, note, numeric=0)
 
 
-def settings_table(fitted: Fitted) -> Table | None:
+def settings_table(fitted: ReportedLaw) -> Table | None:
     """Everything else that the fit tells in one word or number."""
-    rows: list[Cells] = []
+    values: dict[str, str] = {}
     for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
         details = fitted.axis_details(axis) if axis else fitted.report.details
         for name, value in details.items():
-            text = short_text(value)
-            if name not in TOLD and not name.startswith("n_") and text and name not in vars(fitted.report):
-                rows.append([f"{axis}: {words(name)}" if axis else words(name), text])
-    return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
+            if name not in TOLD and not name.startswith("n_") and name not in vars(fitted.report):
+                values[f"{axis}: {words(name)}" if axis else words(name)] = short_text(value)
+    return named_values("What the fit tells", values) if any(values.values()) else None
 
 
 def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
     """Shares covered by level; None without bars."""
-    if not curves:
-        return None
-    levels = curves[0].levels
     rows = [
         [
             curve.label,
@@ -124,9 +120,10 @@ def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
         ]
         for curve in curves
     ]
-    head = ["", "states", *(f"in {100 * level:.0f} %" for level in levels), "median half-width at 90 %"]
+    levels = [f"in {100 * level:.0f} %" for one in curves[:1] for level in one.levels]
+    head = ["", "states", *levels, "median half-width at 90 %"]
     note = "Share of the states left out that lie inside the band of each stated level; widths of the effort's range."
-    return Table("What the error bars hold", head, rows, note)
+    return optional_table("What the error bars hold", head, rows, note)
 
 
 def learning_table(learning: Mapping[str, Any]) -> Table:
@@ -161,26 +158,24 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
     return Table("Error by number of states", head, rows, note)
 
 
-def cost_table(fitted: Fitted) -> Table:
+def cost_table(fitted: ReportedLaw) -> Table:
     """What the law cost and what an evaluation costs."""
-    rows: list[Cells] = [
-        ["states", f"{len(fitted.data)}, {fitted.solved} of them solved, from {fitted.source}"]
-    ]
-    if fitted.fem_s:
-        each = fitted.fem_s / max(fitted.solved, 1)
-        rows.append(["solver, all states", f"{seconds(fitted.fem_s)} ({seconds(each)} a state)"])
-    rows.append(["fit", seconds(fitted.wall_s)])
-    rows.append(["evaluations with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
-    if fitted.fem_s:
-        ratio = fitted.fem_s / max(fitted.solved, 1) * fitted.per_second
-        rows.append(["one FEM state costs as much as", f"{number(float(f'{ratio:.2g}'))} evaluations"])
+    each = fitted.fem_s / max(fitted.solved, 1)
+    ratio = number(float(f"{each * fitted.per_second:.2g}"))
+    values = {
+        "states": f"{len(fitted.data)}, {fitted.solved} of them solved, from {fitted.source}",
+        "solver, all states": f"{seconds(fitted.fem_s)} ({seconds(each)} a state)" if each else None,
+        "fit": seconds(fitted.wall_s),
+        "evaluations with slopes": f"{number(fitted.per_second / 1e6, 3)} million a second",
+        "one FEM state costs as much as": f"{ratio} evaluations" if each else None,
+    }
     note = (
         "Evaluations in batches of 20 000, measured in one process on this machine when this page was made."
     )
-    return Table("Cost", ["", "value"], rows, note, numeric=9)
+    return named_values("Cost", values, note)
 
 
-SURROGATES: tuple[Column[Fitted], ...] = (
+SURROGATES: tuple[Column[ReportedLaw], ...] = (
     Column("name", "", head="surrogate", brief="kind"),
     Column("report.n_fitted", "", head="fitted"),
     Column("report.n_heldout", "", head="left out"),
@@ -200,7 +195,7 @@ SURROGATES: tuple[Column[Fitted], ...] = (
         "covered",
         "in its 90 % band",
         "in band",
-        show=lambda covered: "–" if covered is None else percent(covered, 3),
+        show=lambda covered: percent(covered, 3),
     ),
     Column(lambda f: not unstable_places(f.law), "stable", brief="stable", show=number),
     Column("wall_s", head="fit", brief="fit", show=seconds),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import Unit, effort_unit
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.residuals import Residuals
 from pliant.pipeline.surrogate import evaluations_per_second
@@ -29,7 +30,7 @@ LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class ReportedLaw:
     """A law with all that its page shows.
 
     Attributes:
@@ -159,7 +160,7 @@ class BandCoverage:
         return float(self.covered[int(np.argmin(np.abs(self.levels - level)))])
 
 
-def _coverage(fitted: Fitted) -> list[BandCoverage]:
+def _coverage(fitted: ReportedLaw) -> list[BandCoverage]:
     data, law, missed = fitted.data, fitted.law, fitted.misses
     part = missed.rows(missed.check)
     if law.error is None or not len(part.state):
@@ -192,6 +193,12 @@ def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
     deformation[:, k] = V.ravel()
     slopes = law.evaluate(P.ravel(), deformation).dtau_du[:, k, k]
     return p, u, slopes.reshape(P.shape)
+
+
+def slope_unit(law: JointLaw) -> Unit:
+    """Display unit of ∂τ/∂u: that of the effort per SI unit of u."""
+    effort = effort_unit(law)
+    return Unit(f"{effort.symbol}/{'m' if law.joint == 'prismatic' else 'rad'}", effort.factor)
 
 
 def least_stable(law: JointLaw, count: int = 4000) -> float:

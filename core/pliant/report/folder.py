@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
+from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.rollout import TaskResult
@@ -48,11 +50,15 @@ class DesignResult:
 
 @dataclass(frozen=True)
 class EngineResult:
-    """One engine: its result, or the reason why it was skipped."""
+    """An engine that ran."""
 
     kind: str
-    result: TaskResult | None
-    skipped: str = ""
+    result: TaskResult
+
+    @property
+    def markers_m(self) -> Array:
+        """(n + 2, 3) settled markers."""
+        return self.result.final.markers_m
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,8 @@ class FinishedRun:
 
     `summary` is the result of the command; `provenance` holds one manifest per artifact, in the order of the
     stages; `segment_designs` says which of `designs` each segment of the chain has; `uncertainty` is what
-    `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them.
+    `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them; `engines` ran,
+    in the study's order, `skipped` did not: kind and cause.
     """
 
     summary: Mapping[str, Any]
@@ -71,6 +78,7 @@ class FinishedRun:
     provenance: tuple[Mapping[str, Any], ...]
     segment_designs: tuple[int, ...] = ()
     uncertainty: Mapping[str, Any] | None = None
+    skipped: tuple[tuple[str, str], ...] = ()
 
     def named(self, design: DesignResult) -> str:
         """The design's name as a sentence or a title begins with it; empty where there is one design."""
@@ -89,11 +97,12 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
         )
         for number, d in enumerate(run.designs)
     )
-    engines = tuple(EngineResult(e.kind, e.result, e.skipped) for e in run.engines)
+    engines = tuple(EngineResult(e.kind, e.result) for e in run.engines if e.result is not None)
+    skipped = tuple((e.kind, e.skipped) for e in run.engines if e.result is None)
     manifests = tuple(artifact.manifest for _, artifact in _artifacts(run))
     spread = run.uncertainty.value if run.uncertainty is not None else None
     return FinishedRun(
-        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread
+        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread, skipped
     )
 
 
@@ -138,14 +147,13 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
             raise ValueError("study.json holds no study")
         artifacts = {name: load_artifact(folder / "data" / name) for name in index["artifacts"]}
         designs = _read_designs(folder, index, artifacts, study, registry)
-        engines = tuple(
-            EngineResult(kind, a.value if (a := artifacts.get(_engine_name(n, kind))) else None, skipped)
-            for n, (kind, skipped) in enumerate(index["engines"])
-        )
+        made = [(kind, cause, _engine_name(n, kind)) for n, (kind, cause) in enumerate(index["engines"])]
+        engines = tuple(EngineResult(kind, artifacts[a].value) for kind, _, a in made if a in artifacts)
+        skipped = tuple((kind, cause) for kind, cause, a in made if a not in artifacts)
         segments = tuple(int(number) for number in index["segment_designs"])
         manifests = tuple(artifact.manifest for artifact in artifacts.values())
         spread = artifacts[UNCERTAINTY].value if UNCERTAINTY in artifacts else None
-        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread)
+        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread, skipped)
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(
             f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."
@@ -263,8 +271,15 @@ def _replace_copy(source: Path, target: Path) -> None:
             return
     except (CorruptedError, UserError):
         pass
+    with replaced_folder(target) as fresh:
+        shutil.copytree(source, fresh)
+
+
+@contextmanager
+def replaced_folder(target: Path) -> Iterator[Path]:
+    """The path of a new folder, which takes the place of `target` as a whole."""
     fresh = target.with_name(target.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
-    shutil.copytree(source, fresh)
+    yield fresh
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)

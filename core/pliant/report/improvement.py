@@ -17,11 +17,13 @@ from pliant.report.document import (
     Document,
     Drawn,
     Picture,
-    Section,
     Table,
     Warned,
     as_json,
+    brief_table,
+    drawn,
     page_table,
+    section,
 )
 from pliant.report.fitted import (
     doubtful,
@@ -39,13 +41,13 @@ Placed = tuple[int, Step]
 NamedFloor = tuple[str, Floor]
 
 STEP_COLUMNS: tuple[Column[Placed], ...] = (
-    Column("1.added", head="step", text=lambda placed: _title(placed)),
+    Column("1.added", head="step", brief="step", text=lambda placed: _title(placed)),
     Column("1.stands_for"),
     Column("1.why", head="why"),
     Column(lambda placed: errors_json(placed[1].locked), "heldout"),
     Column("1.locked.over_floor", "rmse_over_floor"),
     Column("1.locked_se", "rmse_over_floor_se"),
-    Column(lambda s: None if s[1].unseen is None else s[1].unseen.over_floor, "unseen_rmse_over_floor"),
+    Column("1.unseen.over_floor", "unseen_rmse_over_floor"),
     Column("1.training.over_floor", "training_rmse_over_floor"),
     Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
 )
@@ -135,21 +137,36 @@ def _brief(found: Improvement) -> tuple[Table | str, ...]:
     return (*whys, steps_brief(found), *fitted)
 
 
+def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
+    """Of the steps: what JSON has of each, its errors on the runs put aside by output, over the noise."""
+
+    def error(name: str) -> Column[Placed]:
+        value, unit = (lambda placed: placed[1].locked.rmse.get(name, np.nan)), unit_of(name)
+        return Column(value, head=f"rms {unit.axis}", brief=unit.label, show=3, unit=lambda _: unit)
+
+    ratio: Column[Placed] = Column(
+        "1.locked.over_floor", "", "in floors", "over the noise", text=lambda placed: _ratio(placed[1])
+    )
+    training: Column[Placed] = Column("1.training.over_floor", "", "training, left out", show=3)
+    return (*STEP_COLUMNS, *map(error, found.steps[0].locked.rmse), ratio, training)
+
+
 def steps_brief(found: Improvement) -> Table:
     """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
-    names = list(found.steps[0].locked.rmse)
-    labels = [*(unit_of(name).label for name in names), "over the noise"]
-    rows = [
-        [_title(placed), *(unit_of(n).text(placed[1].locked.rmse[n], 3) for n in names), _ratio(placed[1])]
-        for placed in enumerate(found.steps, start=1)
-    ]
-    rows.append(["noise floor", *(unit_of(name).text(found.floors[name].value, 3) for name in names), "1"])
-    first = f"error on {found.scored_on}"
-    if len(names) <= MOST_IN_A_ROW:
-        return Table("", [first, *labels], rows)
-    heads = [first, *(str(place) for place in range(1, len(rows))), "noise floor"]
-    turned = zip(*(row[1:] for row in rows), strict=True)
-    return Table("", heads, [[label, *cells] for label, cells in zip(labels, turned, strict=True)])
+    table, names = (
+        brief_table(step_columns(found), list(enumerate(found.steps, start=1))),
+        list(found.steps[0].locked.rmse),
+    )
+    floors = (unit_of(name).text(found.floors[name].value, 3) for name in names)
+    head = [f"error on {found.scored_on}", *table.head[1:]]
+    rows = [*table.rows, ["noise floor", *floors, "1"]]
+    if len(names) > MOST_IN_A_ROW:
+        steps = [str(place) for place in range(1, len(rows))]
+        first, *labels = head
+        cells = zip(*(row[1:] for row in rows), strict=True)
+        rows = [[label, *of_step] for label, of_step in zip(labels, cells, strict=True)]
+        head = [first, *steps, "noise floor"]
+    return Table("", head, rows)
 
 
 def _drawn(found: Improvement) -> Drawn:
@@ -163,26 +180,16 @@ def _drawn(found: Improvement) -> Drawn:
         f"scatter leaves to no model.{most if len(found.floors) > MOST_OUTPUTS else ''}"
     )
     hero = Picture("steps", caption, error_steps(found, [step.why for step in found.steps]))
-    sections = [Section("Step by step", tables=(_steps(found),), note=f"Why it stopped: {found.reason}")]
-    if found.final is not None:
-        note = "Fitted to the training runs only. Intervals: profile of the error."
-        table = parameters_table(found.final.uncertainty, "What was added", note)
-        sections.append(Section("What was added", tables=(table,)))
+    title = "Step by step"
+    steps = page_table(title, step_columns(found), list(enumerate(found.steps, start=1)), numeric=2)
+    note = "Fitted to the training runs only. Intervals: profile of the error."
+    final = found.final
+    added = None if final is None else parameters_table(final.uncertainty, "What was added", note)
     note = "Of all runs, as the residuals of the last model show it."
     floors = page_table("Noise floor", FLOOR_COLUMNS, list(found.floors.items()), note)
-    sections.append(Section("Noise floor", tables=(floors,)))
-    return Drawn(hero, tuple(sections))
-
-
-def _steps(found: Improvement) -> Table:
-    def error(name: str) -> Column[Placed]:
-        value = lambda placed: placed[1].locked.rmse.get(name, np.nan)  # noqa: E731
-        return Column(value, head=f"rms {unit_of(name).axis}", show=3, unit=lambda _: unit_of(name))
-
-    columns = (
-        *STEP_COLUMNS,
-        *map(error, found.steps[0].locked.rmse),
-        Column("1.locked.over_floor", "", "in floors", text=lambda placed: _ratio(placed[1])),
-        Column("1.training.over_floor", "", "training, left out", show=3),
+    return drawn(
+        hero,
+        section(title, steps, note=f"Why it stopped: {found.reason}"),
+        section("What was added", added),
+        section("Noise floor", floors),
     )
-    return page_table("Step by step", columns, list(enumerate(found.steps, start=1)), numeric=2)

@@ -8,58 +8,42 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import percent, seconds, units_of_page
-from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
 from pliant.pipeline.meta_model.designs import shown, spoken
-from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
 from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
 from pliant.report.meta_view import SCORES, MetaFitted, coverage_table, next_table, score_rows
 from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant.store.store import Artifact
 
 PAGE = "fit.html"
 FAR = 0.05  # of the range: a worst error beyond this is warned of
 
 
-def meta_document(
-    title: str,
-    stage: MetaModelStage,
-    study: Mapping[str, Any],
-    *,
-    learning: Artifact | None = None,
-    proposals: Sequence[Proposal] = (),
-    compared: Sequence[MetaModelStage] = (),
-) -> Document:
+def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, Any]) -> Document:
     """The document of `pliant fit` for a meta-model.
 
     Args:
         title: the study's name.
-        stage: the model.
+        fitted: the model, then others of the same designs that stand beside it, such as the study's way.
         study: inputs to list.
-        learning: curve over designs, where one was made.
-        proposals: designs that should be solved next, where they were asked for.
-        compared: other meta-models of the same designs, such as the study's way, to stand beside this one.
     """
-    own = fitted_model(stage, learning.value if learning is not None else None, proposals)
-    every = [own, *(fitted_model(one) for one in compared)]
-    manifests = _manifests(stage, learning, compared)
+    own, manifests = fitted[0], _manifests(fitted)
 
     def draw() -> Drawn:
         from pliant.report.meta_page import meta_drawn  # matplotlib takes a second to import
 
-        return meta_drawn(every, study, manifests)
+        return meta_drawn(fitted, study, manifests)
 
-    data = meta_json(stage)
-    if proposals:
-        data["next"] = [{"parameters": one.parameters, one.basis: one.gain} for one in proposals]
+    data = meta_json(own.stage)
+    if own.proposals:
+        data["next"] = [{"parameters": one.parameters, one.basis: one.gain} for one in own.proposals]
     return Document(
         kind="Pliant fit: meta-model",
         title=title,
         sentence=meta_sentence(own),
         data=data,
-        brief=_blocks(stage, every),
+        brief=_blocks(fitted),
         warnings=tuple(meta_warnings(own)),
         draw=draw,
         footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
@@ -69,55 +53,22 @@ def meta_document(
 
 
 def stored_meta_page(
-    bench: Workbench,
-    document: Document,
-    stage: MetaModelStage,
-    study: Mapping[str, Any],
-    *,
-    learning: Artifact | None = None,
-    proposals: Sequence[Proposal] = (),
-    compared: Sequence[MetaModelStage] = (),
+    bench: Workbench, document: Document, fitted: Sequence[MetaFitted], study: Mapping[str, Any]
 ) -> StoredPage:
     """What the page of a meta-model depends on; arguments as those of `meta_document`."""
     config = {
         "title": document.title,
         "study": dict(study),
-        "source": stage.solved.source,
-        "proposals": [[*one.values, one.gain, one.basis] for one in proposals],
+        "source": fitted[0].stage.solved.source,
+        "proposals": [[*one.values, one.gain, one.basis] for one in fitted[0].proposals],
     }
-    components = [bench.component("meta_model", one.config) for one in (stage, *compared)]
-    manifests = _manifests(stage, learning, compared)
-    return StoredPage(bench, manifests, components, "pliant.report.meta_page", config)
+    components = [bench.component("meta_model", one.stage.config) for one in fitted]
+    return StoredPage(bench, _manifests(fitted), components, "pliant.report.meta_page", config)
 
 
-def _manifests(
-    stage: MetaModelStage, learning: Artifact | None, compared: Sequence[MetaModelStage]
-) -> list[Mapping[str, Any]]:
-    curve = [learning.manifest] if learning is not None else []
-    return [*(one.artifact.manifest for one in (stage, *compared)), *curve]
-
-
-def fitted_model(
-    stage: MetaModelStage, learning: Mapping[str, Any] | None = None, proposals: Sequence[Proposal] = ()
-) -> MetaFitted:
-    """A stage as its document reads it."""
-    study = getattr(stage.config, "form", None) == "study"
-    return MetaFitted(
-        name=f"{stage.config.kind}, the study's form" if study else stage.config.kind,
-        kind=stage.config.kind,
-        designs=stage.designs,
-        misses=LeftOutResiduals(**stage.artifact.value["misses"]),
-        scores=stage.scores,
-        coverage=stage.coverage,
-        details=stage.details,
-        parts=stage.parts,
-        fit_s=stage.fit_s,
-        scoring_s=stage.scoring_s,
-        law_at=stage.law,
-        learning=learning,
-        proposals=proposals,
-        source=stage.solved.source,
-    )
+def _manifests(fitted: Sequence[MetaFitted]) -> list[Mapping[str, Any]]:
+    curves = [one.learning.manifest for one in fitted if one.learning is not None]
+    return [*(one.stage.artifact.manifest for one in fitted), *curves]
 
 
 def meta_json(stage: MetaModelStage) -> dict[str, Any]:
@@ -149,41 +100,43 @@ def meta_json(stage: MetaModelStage) -> dict[str, Any]:
     }
 
 
-def _blocks(stage: MetaModelStage, fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
-    own = fitted[0]
+def _blocks(fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
+    own, stage = fitted[0], fitted[0].stage
     left = f", {stage.solved.left_out} without data or twice" if stage.solved.left_out else ""
     spans = zip(own.designs.names, own.designs.box, strict=True)
     ranges = ", ".join(f"{spoken({name: low})} to {shown(name, high)}" for name, (low, high) in spans)
-    times = f"one fit {seconds(own.fit_s)}, all {seconds(own.scoring_s + own.fit_s)}"
+    times = f"one fit {seconds(stage.fit_s)}, all {seconds(stage.scoring_s + stage.fit_s)}"
     times += f"; FEM of the designs {seconds(own.fem_s)}" if own.fem_s else ""
     times += "; from the store" if stage.artifact.cached else ""
     regressor = stage.details.get("regressor")
     blocks: list[Table | str] = [
-        f"designs  {len(own.designs)} from {own.source}{left}: {ranges}",
-        f"model    {own.kind}, refitted {own.parts} times without some of the designs ({times})"
+        f"designs  {len(own.designs)} from {stage.solved.source}{left}: {ranges}",
+        f"model    {stage.config.kind}, refitted {stage.parts} times without some of the designs ({times})"
         + (f"; {str(regressor).replace('_', ' ')}" if regressor else ""),
     ]
     for one in fitted:
         blocks += [f"beside   {one.name}:"] if one is not own else []
         blocks.append(brief_table(SCORES, score_rows([one])))
-        blocks += [brief(coverage_table(one))] if one.coverage else []
+        blocks += [brief(coverage_table(one))] if one.stage.coverage else []
     asked = next_table(own)
     return (*blocks, *([brief(asked)] if asked else []))
 
 
 def meta_sentence(fitted: MetaFitted) -> str:
     """How well laws of unseen designs do."""
-    inner = fitted.scores.get("interior", fitted.scores["all"])
-    where = "inside the range" if "interior" in fitted.scores else "left out"
+    inner = fitted.stage.scores.get("interior", fitted.stage.scores["all"])
+    where = "inside the range" if "interior" in fitted.stage.scores else "left out"
     parts = [
         f"laws of designs {where} that the model has not seen miss torques by at most "
         f"{percent(inner.worst_of_range)} of the range, R² {inner.r2:.5f}"
     ]
     if np.isfinite(inner.free_median):
         parts.append(f"free angles by {percent(inner.free_median)} at the median")
-    if "border" in fitted.scores:
-        parts.append(f"on the border of the range by up to {percent(fitted.scores['border'].worst_of_range)}")
-    if (band := fitted.coverage.get("all", {}).get("0.9")) is not None:
+    if "border" in fitted.stage.scores:
+        parts.append(
+            f"on the border of the range by up to {percent(fitted.stage.scores['border'].worst_of_range)}"
+        )
+    if (band := fitted.stage.coverage.get("all", {}).get("0.9")) is not None:
         parts.append(f"the 90 % band holds {percent(band, 3)}")
     return capital("; ".join(parts)) + "."
 
@@ -191,12 +144,12 @@ def meta_sentence(fitted: MetaFitted) -> str:
 def meta_warnings(fitted: MetaFitted) -> list[Warned]:
     """What limits the model."""
     found = []
-    for place, scores in fitted.scores.items():
+    for place, scores in fitted.stage.scores.items():
         if place != "all" and scores.worst_of_range > FAR:
             text = (
                 f"Designs {'on the border' if place == 'border' else 'inside the range'} are missed by up to "
             )
             found.append(Warned(f"{text}{percent(scores.worst_of_range)} of their range of torque."))
-    if lost := fitted.scores["all"].free_lost:
+    if lost := fitted.stage.scores["all"].free_lost:
         found.append(Warned(f"In {lost} states the law of a design left out has no free equilibrium."))
     return found

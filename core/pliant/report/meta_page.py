@@ -57,7 +57,7 @@ def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests
             Picture("meta_bars", bars, design_bars(one)),
             coverage_table(one),
         )
-        if one.coverage
+        if one.stage.coverage
         else None,
         _learning(one),
         section("Cost", cost_table(one)),
@@ -66,8 +66,8 @@ def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests
 
 
 def _learning(fitted: MetaFitted) -> Section | None:
-    learning = fitted.learning
-    if learning is None or not learning["points"]:
+    learning = fitted.learning.value if fitted.learning is not None else {"points": ()}
+    if not learning["points"]:
         return None
     curves = []
     for colour, place in enumerate(("all", "interior")):
@@ -100,7 +100,7 @@ def parity_picture(fitted: MetaFitted) -> style.Png:
                 tau, miss = misses.tau[rows, a], misses.miss[rows, a]
                 _parity(axes, effort.factor * tau, effort.factor * (tau + miss), COLOURS[place])
                 count = len(np.unique(misses.design[rows]))
-                scores = fitted.scores[place].axes if place in fitted.scores else {}
+                scores = fitted.stage.scores[place].axes if place in fitted.stage.scores else {}
                 r2 = f"{scores[name].r2:.6f}" if name in scores else "–"
                 axes.set_title(f"{symbol}, {place}: {count} designs, R² {r2}", fontsize=9.5)
                 axes.set(xlabel=solved, ylabel=f"predicted {symbol} ({effort.symbol})")
@@ -136,7 +136,7 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
             if rows.any():
                 _parity(left, u[rows], u[rows] + miss[rows], COLOURS[place])
                 _dots(right, u[rows], 100 * miss[rows] / largest[rows], COLOURS[place], place)
-        every = fitted.scores["all"]
+        every = fitted.stage.scores["all"]
         worst = "no equilibrium" if np.isinf(every.free_worst) else percent(every.free_worst)
         left.set_title(f"Free {word}: median miss {percent(every.free_median)}, worst {worst}")
         solved, predicted = (f"{side} free {word} ({unit.symbol})" for side in ("solved", "predicted"))
@@ -172,8 +172,7 @@ def design_errors(fitted: MetaFitted) -> style.Png:
         max(len(pairs), 1),
     )
     shares = 100 * np.maximum(worst, 1e-8)
-    low, high = 10.0 ** np.floor(np.log10(np.nanmin(shares))), 10.0 ** np.ceil(np.log10(np.nanmax(shares)))
-    norm = LogNorm(low, max(high, 10 * low))
+    norm = style.decades(float(np.nanmin(shares)), float(np.nanmax(shares)))
     columns = min(count, 3)
     rows = -(-count // columns)
     with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60, wspace=0.04) as figure:

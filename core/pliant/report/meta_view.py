@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,12 +15,14 @@ from pliant.formatting import NamedUnit, number, percent, seconds, unit_of
 from pliant.pipeline.meta_model.cross_validation import AxisScores, LeftOutResiduals, Scores, shares
 from pliant.pipeline.meta_model.designs import spoken
 from pliant.pipeline.meta_model.next_design import Proposal
+from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
-from pliant.records.law import FitReport, JointLaw
+from pliant.records.law import FitReport
 from pliant.records.solved import SolvedDesigns
-from pliant.report.document import Cells, Column, Table
+from pliant.report.document import Column, Table, named_values, optional_table, page_table
 from pliant.report.provenance import short_text, words
+from pliant.store.store import Artifact
 
 PLACES = ("interior", "border")
 TIMED = 5  # designs whose law is timed
@@ -31,34 +33,30 @@ class MetaFitted:
     """A meta-model with all that its page shows.
 
     Attributes:
-        name: of the model, where several are compared.
-        kind: of the meta-model.
-        designs: that it was fitted to.
-        misses: what laws of designs left out miss.
-        scores, coverage: by place, as `MetaModelStage` has them.
-        details: what the fit tells.
-        parts: refits without some designs.
-        fit_s, scoring_s: of the fit, and of all refits.
-        law_at: from parameters (d,) to a law with its error bar.
-        learning: result of `design_learning`, or None.
+        stage: the model, and what was found about it.
+        learning: of `design_learning_stage`, or None.
         proposals: designs that should be solved next, where they were asked for.
-        source: where the designs come from, in words.
     """
 
-    name: str
-    kind: str
-    designs: SolvedDesigns
-    misses: LeftOutResiduals
-    scores: Mapping[str, Scores]
-    coverage: Mapping[str, Mapping[str, float]]
-    details: Mapping[str, Any]
-    parts: int
-    fit_s: float
-    scoring_s: float
-    law_at: Callable[[Array], JointLaw]
-    learning: Mapping[str, Any] | None = None
+    stage: MetaModelStage
+    learning: Artifact | None = None
     proposals: Sequence[Proposal] = ()
-    source: str = "the sweep"
+
+    @property
+    def name(self) -> str:
+        """Of the model, where several are compared."""
+        study = getattr(self.stage.config, "form", None) == "study"
+        return f"{self.stage.config.kind}, the study's form" if study else self.stage.config.kind
+
+    @property
+    def designs(self) -> SolvedDesigns:
+        """Those that it was fitted to."""
+        return self.stage.designs
+
+    @cached_property
+    def misses(self) -> LeftOutResiduals:
+        """What laws of designs left out miss."""
+        return LeftOutResiduals(**self.stage.artifact.value["misses"])
 
     @cached_property
     def _timed(self) -> tuple[float, float]:
@@ -66,7 +64,7 @@ class MetaFitted:
         times = []
         for values in self.designs.box[:, 0] + shares * self.designs.scale:
             started = time.perf_counter()
-            law = self.law_at(values)
+            law = self.stage.law(values)
             times.append(time.perf_counter() - started)
         return float(np.median(times)), evaluations_per_second(law)
 
@@ -195,7 +193,7 @@ def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
     """Torque and free angle on designs left out, interior and border apart, one block for each model."""
     rows = []
     for one in fitted:
-        for place, scores in one.scores.items():
+        for place, scores in one.stage.scores.items():
             label = f"{one.name}: {place}" if len(fitted) > 1 else place
             for count, (axis, of_axis) in enumerate(scores.axes.items()):
                 name = f"{label}, axis {axis}" if len(scores.axes) > 1 else label
@@ -203,41 +201,51 @@ def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
     return rows
 
 
+def _parameters(fitted: MetaFitted, values: Iterable[float]) -> list[str]:
+    """Cells of a design's parameters, in their display units."""
+    units = map(parameter_unit, fitted.designs.names)
+    return [number(float(v) * unit.factor, 4) for v, unit in zip(values, units, strict=True)]
+
+
 def worst_table(fitted: MetaFitted) -> Table:
     """The designs that are missed most."""
-    names = [parameter_unit(name) for name in fitted.designs.names]
-    rows: list[Cells] = []
-    for design in fitted.worst_designs(WORST):
-        values = fitted.designs.values[design]
-        cells = [number(float(v) * unit.factor, 4) for v, unit in zip(values, names, strict=True)]
-        place = "border" if fitted.border[design] else "interior"
-        rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
-    head = ["worst of range", "place", *(unit.axis for unit in names)]
+    rows = [
+        [
+            percent(float(fitted.worst[design]), 3),
+            "border" if fitted.border[design] else "interior",
+            *_parameters(fitted, fitted.designs.values[design]),
+        ]
+        for design in fitted.worst_designs(WORST)
+    ]
+    head = ["worst of range", "place", *(parameter_unit(name).axis for name in fitted.designs.names)]
     return Table("Designs that were missed most", head, rows, numeric=2)
 
 
 def coverage_table(fitted: MetaFitted) -> Table:
     """What the bars hold."""
-    levels = list(dict.fromkeys(level for found in fitted.coverage.values() for level in found))
+    levels = list(dict.fromkeys(level for found in fitted.stage.coverage.values() for level in found))
     rows = [
         [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
-        for place, found in fitted.coverage.items()
+        for place, found in fitted.stage.coverage.items()
     ]
     head = ["", *(f"in the {100 * float(level):g} % band" for level in levels)]
     note = "Each design's states in bars that the other designs give; each design counts alike."
     return Table("What the error bars hold", head, rows, note)
 
 
+LEARNING: tuple[Column[Mapping[str, Any]], ...] = (
+    Column("n", head="designs"),
+    *(
+        Column(f"{place}.{key}", head=f"{place}, {label}", show=share_text)
+        for place in ("all", "interior")
+        for key, label in (("rms", "RMS"), ("worst", "worst"))
+    ),
+    Column("wall_s", head="fit", show=seconds),
+)
+
+
 def learning_table(learning: Mapping[str, Any]) -> Table:
     """Errors by number of designs."""
-    rows: list[Cells] = []
-    for point in learning["points"]:
-        cells = [str(point["n"])]
-        for place in ("all", "interior"):
-            found = point[place]
-            cells += [percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
-        rows.append([*cells, seconds(float(point["wall_s"]))])
-    head = ["designs", "all, RMS", "all, worst", "interior, RMS", "interior, worst", "fit"]
     count, inside = len(learning["test"]), len(learning["interior"])
     note = (
         f"Shares of each design's range at {count} designs that no fit saw, {inside} of them inside the range. "
@@ -246,55 +254,48 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
     if learning["left_out"]:
         sizes = ", ".join(str(p["n"]) for p in learning["left_out"])
         note += f" Not fitted: {sizes} ({learning['left_out'][0]['cause']})"
-    return Table("Error by number of designs", head, rows, note)
+    return page_table("Error by number of designs", LEARNING, learning["points"], note)
 
 
 def next_table(fitted: MetaFitted) -> Table | None:
     """Designs that should be solved next; None where nobody asked."""
-    if not fitted.proposals:
-        return None
-    names = [parameter_unit(name) for name in fitted.designs.names]
     rows = [
-        [
-            str(count),
-            *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
-            percent(one.gain, 3),
-        ]
+        [str(count), *_parameters(fitted, one.values), percent(one.gain, 3)]
         for count, one in enumerate(fitted.proposals, start=1)
     ]
-    basis = fitted.proposals[0].basis
-    head = ["", *(unit.axis for unit in names), WORTH.get(basis, basis)]
-    return Table("Solve these next", head, rows)
+    gain = [WORTH.get(one.basis, one.basis) for one in fitted.proposals[:1]]
+    head = ["", *(parameter_unit(name).axis for name in fitted.designs.names), *gain]
+    return optional_table("Solve these next", head, rows)
 
 
 def cost_table(fitted: MetaFitted) -> Table:
     """FEM against model, per design."""
-    n = len(fitted.designs)
+    n, stage, each = len(fitted.designs), fitted.stage, fitted.fem_s / len(fitted.designs)
     states = sum(len(one) for one in fitted.designs.data)
-    rows: list[Cells] = [["designs solved", f"{n}, {states} states, from {fitted.source}"]]
-    if fitted.fem_s:
-        rows.append(["FEM, all designs", seconds(fitted.fem_s)])
-        rows.append(["FEM, one design", seconds(fitted.fem_s / n)])
-    rows.append(["fit of the model", seconds(fitted.fit_s)])
-    rows.append([f"scoring: {fitted.parts} refits without some designs", seconds(fitted.scoring_s)])
-    rows.append(["law of an unseen design, with its error bar", seconds(fitted.law_s)])
-    rows.append(["evaluations of it with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
-    if fitted.fem_s:
-        each = fitted.fem_s / n
+    values: dict[str, str | None] = {
+        "designs solved": f"{n}, {states} states, from {stage.solved.source}",
+        "FEM, all designs": seconds(fitted.fem_s) if each else None,
+        "FEM, one design": seconds(each) if each else None,
+        "fit of the model": seconds(stage.fit_s),
+        f"scoring: {stage.parts} refits without some designs": seconds(stage.scoring_s),
+        "law of an unseen design, with its error bar": seconds(fitted.law_s),
+        "evaluations of it with slopes": f"{number(fitted.per_second / 1e6, 3)} million a second",
+    }
+    if each:
         ratio = number(float(f"{each / fitted.law_s:.2g}"))
         hours = number(1000 * (each - fitted.law_s) / 3600, 2)
-        rows.append(["a design by the model instead of FEM", f"{ratio} times faster"])
-        rows.append(["FEM saved by every thousand further designs", f"{hours} hours of one core"])
+        values["a design by the model instead of FEM"] = f"{ratio} times faster"
+        values["FEM saved by every thousand further designs"] = f"{hours} hours of one core"
     note = (
         "The law and its evaluations were timed when this page was made; FEM as measured when it was solved."
     )
-    return Table("Cost", ["", "value"], rows, note, numeric=9)
+    return named_values("Cost", values, note)
 
 
 def settings_table(fitted: MetaFitted) -> Table | None:
     """What the fit tells in one word or number."""
-    rows = [[words(name), text] for name, value in fitted.details.items() if (text := short_text(value))]
-    return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
+    values = {words(name): short_text(value) for name, value in fitted.stage.details.items()}
+    return named_values("What the fit tells", values) if any(values.values()) else None
 
 
 def _worst_free(share: float, lost: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pliant import __version__
@@ -93,6 +93,15 @@ def plain(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(plain(v) for v in value) + "]"
     return number(value, 5) if isinstance(value, int | float) else str(value)
+
+
+def nested(value: Any, leaf: Callable[[Any], str]) -> str:
+    """Lists and named values as one text, each value as `leaf` writes it."""
+    if isinstance(value, list | tuple):
+        return ", ".join(nested(item, leaf) for item in value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {nested(item, leaf)}" for name, item in value.items())
+    return leaf(value)
 
 
 def short_text(value: Any) -> str:

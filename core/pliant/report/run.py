@@ -26,16 +26,13 @@ from pliant.report.document import Document, Drawn, Warned, capital
 from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
-from pliant.report.folder import DesignResult, FinishedRun, finished, table_name
-from pliant.report.provenance import duration, made_by, stage_json
+from pliant.report.folder import DesignResult, EngineResult, FinishedRun, finished, table_name
+from pliant.report.provenance import duration, made_by, nested, stage_json
 from pliant.report.run_view import (
-    Ran,
-    actuation,
+    actuation_text,
     distances_m,
     main_axis,
     payload_kg,
-    ran,
-    skipped,
     spread_sentence,
 )
 from pliant.report.stage import StoredPage
@@ -65,8 +62,7 @@ def simulation_document(done: StudyRun) -> Document:
     """The document of `pliant simulate`: its first engine, with what the task measures."""
     engine = done.engines[0]
     data = simulation_json(engine)
-    if done.uncertainty is not None:
-        data["uncertainty"] = {**done.uncertainty.value, "stages": [stage_json(done.uncertainty)]}
+    data |= _uncertainty_json(done)
     metrics = metric_lines(engine.result.metrics) if engine.result is not None else []
     return run_document(finished(done, data), [*engine_lines(done), *metrics])
 
@@ -97,10 +93,15 @@ def run_json(done: StudyRun, folder: Path) -> dict[str, Any]:
         markers = [e.result.final.markers_m for e in done.engines if e.result is not None]
         apart = [float(np.linalg.norm(m - markers[0], axis=1).max()) for m in markers[1:]]
         result["largest_marker_distance_m"] = max(apart, default=None)
-    if done.uncertainty is not None:
-        result["uncertainty"] = {**done.uncertainty.value, "stages": [stage_json(done.uncertainty)]}
+    result |= _uncertainty_json(done)
     result["unused"] = list(done.unused)
     return result
+
+
+def _uncertainty_json(done: StudyRun) -> dict[str, Any]:
+    """What runs with drawn laws came to, where the study asks for them."""
+    made = done.uncertainty
+    return {} if made is None else {"uncertainty": {**made.value, "stages": [stage_json(made)]}}
 
 
 def simulation_json(engine: EngineRun) -> dict[str, Any]:
@@ -170,15 +171,11 @@ def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
     for name, value in metrics.items():
         items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
         if not any(isinstance(item, list) for item in items):
-            lines.append(f"  {name:<24} {_metric(value)}")
+            lines.append(f"  {name:<24} {nested(value, _in_si)}")
     return lines
 
 
-def _metric(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(_metric(item) for item in value)
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_metric(item)}" for name, item in value.items())
+def _in_si(value: Any) -> str:
     if isinstance(value, bool):
         return number(value)
     return f"{value:.6g}" if isinstance(value, float) else f"{value}"
@@ -186,7 +183,7 @@ def _metric(value: Any) -> str:
 
 def result_sentence(run: FinishedRun) -> str:
     """What came out: the bend, how well the engines agree, how well the law fits."""
-    parts, engines = [_bend(run)], ran(run)
+    parts, engines = [_bend(run)], run.engines
     if len(engines) > 1 and not engines[0].result.stills:
         worst = max(float(d.max()) for d in distances_m(engines))
         count = {2: "two", 3: "three", 4: "four"}.get(len(engines), str(len(engines)))
@@ -197,12 +194,12 @@ def result_sentence(run: FinishedRun) -> str:
 def warnings(run: FinishedRun) -> list[Warned]:
     """Everything that limits the result, the gravest first."""
     found: list[Warned] = []
-    for engine in ran(run):
+    for engine in run.engines:
         found += _engine_warnings(engine, run)
     for design in run.designs:
         found += _law_warnings(design, len(run.designs) > 1)
-    for other in skipped(run):
-        found.append(Warned(f"Engine {other.kind} was skipped: {other.skipped or 'no cause was given'}"))
+    for kind, cause in run.skipped:
+        found.append(Warned(f"Engine {kind} was skipped: {cause or 'no cause was given'}"))
     unused = run.summary.get("unused") or []
     if unused:
         found.append(Warned(f"The study sets {', '.join(unused)}, which no stage of this version reads."))
@@ -215,15 +212,13 @@ def warnings(run: FinishedRun) -> list[Warned]:
 
 
 def _bend(run: FinishedRun) -> str:
-    engines, given = ran(run), actuation(run)
-    law = run.designs[0].law
+    engines, law, at = run.engines, run.designs[0].law, actuation_text(run)
     if not engines:
         return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
     result = engines[0].result
     if result.stills:
-        return grasp_words(engines[0], given)
+        return grasp_words(engines[0], at)
     joints = result.final.joint_angles
-    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     load = payload_kg(run)
     under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
     name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
@@ -238,10 +233,9 @@ def _bend(run: FinishedRun) -> str:
     return f"{name} {'extends by' if slides else 'bends'} {size}{at}{under}{target}"
 
 
-def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
-    """A task with contact: how the grasp went."""
+def grasp_words(engine: EngineResult, at: str) -> str:
+    """A task with contact: how the grasp went; `at` which actuation, in words."""
     measured = engine.result.metrics
-    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
     if not mode:
         return f"the scene was simulated{at}"
@@ -265,7 +259,7 @@ def _law_error(run: FinishedRun) -> str:
     return f"law within {percent(worst)} of {source} on states left out"
 
 
-def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
+def _engine_warnings(engine: EngineResult, run: FinishedRun) -> list[Warned]:
     final, law = engine.result.final, run.designs[0].law
     found = []
     if not final.converged:

@@ -20,7 +20,7 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.fem_page import data_sections, shape_section
-from pliant.report.fem_view import Solved
+from pliant.report.fem_view import DesignStates
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.error_bars import COORDINATES, tip_cloud
@@ -29,8 +29,8 @@ from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
 from pliant.report.fit_tables import axes_table, score_cells, score_heads
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.provenance import closing_sections, plain, stage_name
-from pliant.report.run_view import distances_m, gravity_words, ran, spread_sentence, study_form
+from pliant.report.provenance import closing_sections, nested, plain, stage_name
+from pliant.report.run_view import distances_m, gravity_words, spread_sentence, study_form
 
 TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
@@ -40,7 +40,7 @@ def run_drawn(run: FinishedRun) -> Drawn:
     """Body, law and poses on top; then meshes, states, law, engines, uncertainty, cost. Same run, same bytes."""
     block = run.study.get("fem") or {}
     backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
-    solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
+    solved = [DesignStates(d.name, d.module, backend) for d in run.designs if d.module is not None]
     *states, cost = [None, *data_sections(solved, RESIDUALS)]
     parts = [
         "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest state "
@@ -49,8 +49,8 @@ def run_drawn(run: FinishedRun) -> Drawn:
         else "",
         "the joint law with the states behind it",
     ]
-    if ran(run):
-        scene = ran(run)[0].result.stills
+    if run.engines:
+        scene = run.engines[0].result.stills
         parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
     caption = capital("; ".join(filter(None, parts))) + "."
     return drawn(
@@ -93,7 +93,7 @@ def _laws(run: FinishedRun) -> Section | None:
 
 def _poses(run: FinishedRun) -> Section | None:
     """The chain in the engines; of a task with contact outlines of its scene."""
-    engines = ran(run)
+    engines = run.engines
     if not engines:
         return None
     if engines[0].result.stills:
@@ -117,7 +117,7 @@ def _poses(run: FinishedRun) -> Section | None:
 
 def uncertainty_section(run: FinishedRun) -> Section | None:
     """The cloud of tips, and intervals of what the task measures; None where the study asks for none."""
-    spread, engines = run.uncertainty, ran(run)
+    spread, engines = run.uncertainty, run.engines
     if spread is None or not engines:
         return None
     first, title = engines[0], "From the laws' error bars to the tip"
@@ -137,7 +137,7 @@ def uncertainty_section(run: FinishedRun) -> Section | None:
 
 
 def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
-    first = ran(run)[0]
+    first = run.engines[0]
     rows: list[Cells] = []
     for k, name in enumerate(COORDINATES):
         ends = [spread["tip_low_m"][k], first.markers_m[-1][k], spread["tip_high_m"][k]]
@@ -160,7 +160,7 @@ def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
 
 def engine_table(run: FinishedRun) -> Table | None:
     """Settled tips, distances to the first engine, residuals."""
-    engines = ran(run)
+    engines = run.engines
     if not engines:
         return None
     rows = [
@@ -185,7 +185,7 @@ def engine_table(run: FinishedRun) -> Table | None:
 
 def metrics_table(run: FinishedRun) -> Table | None:
     """The task's metrics, one column per engine."""
-    engines = ran(run)
+    engines = run.engines
     names = list(dict.fromkeys(name for e in engines for name in e.result.metrics if name != "note"))
     if not names:
         return None
@@ -228,7 +228,7 @@ def time_tables(run: FinishedRun) -> list[Table]:
         rows = [[stage_name(m), seconds(float(m["wall_s"]))] for m in run.provenance]
         note = "Times of the computation itself; a stage found in the store costs milliseconds."
         tables.append(Table("Stages", ["stage", "wall time"], rows, note))
-    engines = ran(run)
+    engines = run.engines
     if engines:
         times = [e.result.final.wall_s for e in engines]
         ratios = [f"{number(time / times[0], 3)} ×" if times[0] > 0 else "–" for time in times]
@@ -247,16 +247,15 @@ def coefficients(design: DesignResult) -> str:
 
 def _metric(value: Any, unit: Unit) -> str:
     """A metric in a cell; points and tables stand in pictures and in run.json."""
-    if isinstance(value, list | tuple):
-        if any(isinstance(item, list | tuple) for item in value):
-            return f"{len(value)} entries, in run.json"
-        return ", ".join(_metric(item, unit) for item in value)
-    if isinstance(value, Mapping):
-        if any(isinstance(item, list | tuple) for item in value.values()):
-            return "in run.json"
-        return ", ".join(f"{key} {_metric(item, unit)}" for key, item in value.items())
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if not isinstance(value, int | float):
-        return "–" if value is None else str(value)
-    return number(value * unit.factor if unit.symbol else value, 6)
+    items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    if any(isinstance(item, list | tuple) for item in items):
+        return "in run.json" if isinstance(value, Mapping) else f"{len(value)} entries, in run.json"
+
+    def cell(one: Any) -> str:
+        if one is None or isinstance(one, bool):
+            return number(one)
+        if not isinstance(one, int | float):
+            return str(one)
+        return number(one * unit.factor if unit.symbol else one, 6)
+
+    return nested(value, cell)

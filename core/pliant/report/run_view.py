@@ -3,42 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pliant.config.chain import ChainConfig
-from pliant.formatting import small_length
+from pliant.formatting import actuation_unit, small_length
 from pliant.pipeline.chain import base_rotation
 from pliant.records.chain import default_base_rotation
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.report.folder import DesignResult, EngineResult, FinishedRun
-
-
-@dataclass(frozen=True, eq=False)
-class Ran:
-    """An engine that ran."""
-
-    kind: str
-    result: TaskResult
-
-    @property
-    def markers_m(self) -> Array:
-        """(n + 2, 3) settled markers."""
-        return self.result.final.markers_m
-
-
-def ran(run: FinishedRun) -> list[Ran]:
-    """Engines with a result, in the study's order."""
-    return [Ran(e.kind, e.result) for e in run.engines if e.result is not None]
-
-
-def skipped(run: FinishedRun) -> list[EngineResult]:
-    """Engines without a result."""
-    return [e for e in run.engines if e.result is None]
 
 
 def chain_config(run: FinishedRun) -> ChainConfig | None:
@@ -81,10 +57,16 @@ def actuation(run: FinishedRun) -> tuple[str, float] | None:
     for name, value in sorted(task.items()):
         if name in ("pressure_pa", "tendon_force_n") and value is not None:
             return name, float(value)
-    histories = [r.result.rollout for r in ran(run) if r.result.rollout is not None]
+    histories = [r.result.rollout for r in run.engines if r.result.rollout is not None]
     if not histories or not len(histories[0].actuation):
         return None
     return run.designs[0].law.actuation_name, float(histories[0].actuation[-1].max())
+
+
+def actuation_text(run: FinishedRun) -> str:
+    """`` at 15 kPa``, as a phrase goes on; empty without a task."""
+    given = actuation(run)
+    return f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
 
 
 def main_axis(law: JointLaw, data_axis: str = "y") -> int:
@@ -97,10 +79,10 @@ def main_axis(law: JointLaw, data_axis: str = "y") -> int:
 
 def rest_markers(run: FinishedRun) -> Array | None:
     """(n + 2, 3) markers of the straight chain, or None where links change their length."""
-    if not ran(run) or run.designs[0].law.joint == "prismatic":
+    if not run.engines or run.designs[0].law.joint == "prismatic":
         return None
     position, rotation = base_pose(run)
-    links = np.linalg.norm(np.diff(ran(run)[0].markers_m, axis=0), axis=1)
+    links = np.linalg.norm(np.diff(run.engines[0].markers_m, axis=0), axis=1)
     reach = np.concatenate([[0.0], np.cumsum(links)])
     return np.asarray(position + reach[:, None] * rotation[:, 0])
 
@@ -167,7 +149,7 @@ def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
     return designs, turns
 
 
-def distances_m(engines: Sequence[Ran]) -> list[Array]:
+def distances_m(engines: Sequence[EngineResult]) -> list[Array]:
     """For each engine, the distance (n + 2,) of its markers to those of the first engine."""
     first = engines[0].markers_m
     return [np.linalg.norm(e.markers_m - first, axis=1) for e in engines]

@@ -16,7 +16,7 @@ from pliant.records.search import FoundDesign, SearchResult, Slope
 from pliant.report import render
 from pliant.report.document import Document, Drawn, Warned, capital
 from pliant.report.fem_view import LISTED
-from pliant.report.search_files import Drawing, DrawnDesign, read_search, search_json, write_search
+from pliant.report.search_files import DrawnDesign, read_search, search_json, write_search
 from pliant.report.search_view import SearchView, price
 from pliant.search.problem.names import acts, unit_of_metric, unit_of_objective
 from pliant.store.store import write_atomically, writing_in
@@ -48,9 +48,8 @@ def write_search_page(
     Raises:
         UserError: the folder cannot be written.
     """
-    drawings = [Drawing.of(one) for one in drawn]
-    write_search(folder, study.canonical(), result, drawings)
-    return _write(folder, study.canonical(), result, drawings)
+    write_search(folder, study.canonical(), result, drawn)
+    return _write(folder, study.canonical(), result, drawn)
 
 
 def rebuild_search_page(folder: Path) -> Path:
@@ -58,7 +57,9 @@ def rebuild_search_page(folder: Path) -> Path:
     return _write(folder, *read_search(folder))
 
 
-def _write(folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[Drawing]) -> Path:
+def _write(
+    folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[DrawnDesign]
+) -> Path:
     html = render.page(search_document(study, result, drawn)).html
     with writing_in(folder):
         write_atomically(folder / PAGE, html)
@@ -66,7 +67,7 @@ def _write(folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: 
 
 
 def search_document(
-    study: Mapping[str, Any], result: SearchResult, designs: Sequence[Drawing] = (), engine: str = ""
+    study: Mapping[str, Any], result: SearchResult, designs: Sequence[DrawnDesign] = (), engine: str = ""
 ) -> Document:
     """The document of `pliant optimize`.
 
@@ -111,23 +112,29 @@ def answer(read: SearchView) -> str:
     def span(k: int) -> tuple[str, str]:
         objective = read.objectives[k]
         values = [float(d.objectives[objective.name]) for d in result.best]
-        return objective.text(min(values)), objective.text(max(values))
+        return objective.unit.text(min(values)), objective.unit.text(max(values))
 
     evaluated, found = plural(result.evaluations, "evaluated design"), result.verification
     if read.shape == "contextual":
         low, high = span(0)
-        text = f"one design for each of {len(result.best)} conditions, {first.label} from {low} to {high}"
+        text = (
+            f"one design for each of {len(result.best)} conditions, {first.unit.label} from {low} to {high}"
+        )
         text += f", learned from {evaluated}"
     elif read.shape == "front":
-        each = (" to ".join([f"{o.label} {span(k)[0]}", span(k)[1]]) for k, o in enumerate(read.objectives))
+        each = (
+            " to ".join([f"{o.unit.label} {span(k)[0]}", span(k)[1]]) for k, o in enumerate(read.objectives)
+        )
         text = f"a front of {plural(len(result.best), 'compromise')} of {evaluated}: {'; '.join(each)}"
     else:
-        value = first.text(result.best[0].objectives[first.name])
+        value = first.unit.text(result.best[0].objectives[first.name])
         how = ", predicted and not verified" if found is None else " as the search predicts it"
-        text = f"the best of {evaluated}: {first.label} {value}{how}"
+        text = f"the best of {evaluated}: {first.unit.label} {value}{how}"
     if found is not None and read.shape in ("one", "front"):
-        name = read.objective_metric
-        values = [f"{first.text(m[name])} in {engine}" for engine, m in found.verified.items() if name in m]
+        name = read.objective.metric
+        values = [
+            f"{first.unit.text(m[name])} in {engine}" for engine, m in found.verified.items() if name in m
+        ]
         how = "verified by direct FEM" if found.laws else "checked again"
         text += f"; {how}: {', '.join(values)}" if values else ""
     return unbroken(capital(text) + ".")
@@ -140,14 +147,14 @@ def warned(read: SearchView) -> Iterator[Warned]:
         yield Warned("Nothing was verified: every number rests on the laws that the search used.")
     if found is not None:
         for engine, metrics in found.verified.items():
-            name, text = read.objective_metric, read.objective.text
+            name, text = read.objective.metric, read.objective.unit.text
             predicted, verified = found.predicted.get(engine, {}).get(name), metrics.get(name)
             if predicted is None or verified is None or not np.isfinite([predicted, verified]).all():
                 continue
             off = abs(verified - predicted) / max(abs(predicted), 1e-12)
             if off > FAR:
                 sentence = (
-                    f"In {engine} the verified {read.objective.label} is {text(verified)}, {percent(off)} off the "
+                    f"In {engine} the verified {read.objective.unit.label} is {text(verified)}, {percent(off)} off the "
                     f"predicted {text(predicted)}."
                 )
                 yield Warned(unbroken(sentence))

@@ -19,6 +19,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord, Verification
+from pliant.report.folder import replaced_folder
 from pliant.report.search_view import spread_of
 from pliant.store.store import (
     CorruptedError,
@@ -32,6 +33,7 @@ from pliant.units import UNIT_SUFFIXES
 
 HISTORY, RESULT, BEST, EXPORTED = "history.csv", "optimize.json", "best.yaml", "optimizer"
 DESIGN = ("family", "chain", "material", "surrogate")
+EFFORT = ("evaluations", "simulations", "refused", "failed", "stopped", "wall_s")  # as the record has them
 MOST_ROWS = 20_000
 
 
@@ -48,15 +50,10 @@ def search_json(result: SearchResult, engine: str) -> dict[str, Any]:
             zip(result.objectives, ["max" if m else "min" for m in result.maximised], strict=True)
         ),
         "variables": [vars(variable) for variable in result.variables],
-        "branches": [dict(values) for values in result.branches],
-        "evaluations": result.evaluations,
-        "simulations": result.simulations,
-        "refused": dict(result.refused),
-        "failed": dict(result.failed),
-        "stopped": result.stopped,
-        "wall_s": result.wall_s,
+        "branches": result.branches,
+        **{name: getattr(result, name) for name in EFFORT},
         "slopes": [vars(slope) for slope in result.slopes],
-        "limits": list(result.limits),
+        "limits": result.limits,
         "verified": _verified_json(result.verification, engine),
         "robustness": _robustness_json(result),
         "history": _history_json(result),
@@ -65,35 +62,21 @@ def search_json(result: SearchResult, engine: str) -> dict[str, Any]:
 
 def _design_json(design: FoundDesign) -> dict[str, Any]:
     """Settings parted into what is built and how it is driven."""
-    built = {key: value for key, value in design.settings.items() if key.partition(".")[0] in DESIGN}
-    return {
-        "design": built,
-        "controls": {key: value for key, value in design.settings.items() if key not in built},
-        "values": dict(design.values),
-        "objectives": dict(design.objectives),
-        "metrics": dict(design.metrics),
-        "conditions": {name: dict(metrics) for name, metrics in design.conditions.items()},
-        "branch": design.branch,
-        "context": design.context,
-        "number": design.number,
-        **({"objectives_before": dict(design.first)} if design.first else {}),
-    }
+    found = dict(vars(design))
+    settings, before = found.pop("settings"), found.pop("first")
+    built = {key: value for key, value in settings.items() if key.partition(".")[0] in DESIGN}
+    controls = {key: value for key, value in settings.items() if key not in built}
+    again = {"objectives_before": before} if before else {}
+    return {"design": built, "controls": controls, **found, **again}
 
 
 def _verified_json(check: Verification | None, engine: str) -> dict[str, Any] | None:
     """The metrics of the study's engine, and beside them everything that the check found."""
     if check is None:
         return None
-    return {
-        **check.verified.get(engine, {}),
-        "engines": {name: dict(metrics) for name, metrics in check.verified.items()},
-        "predicted": {name: dict(metrics) for name, metrics in check.predicted.items()},
-        "conditions": check.conditions,
-        "laws": [dict(law) for law in check.laws],
-        "fem_wall_s": check.fem_wall_s,
-        "wall_s": check.wall_s,
-        "notes": list(check.notes),
-    }
+    found = dict(vars(check))
+    engines = found.pop("verified")
+    return {**engines.get(engine, {}), "engines": engines, **found}
 
 
 def _robustness_json(result: SearchResult) -> dict[str, Any] | None:
@@ -187,29 +170,19 @@ DIGESTS = "digests.json"
 
 @dataclass(frozen=True, eq=False)
 class DrawnDesign:
-    """A design to draw: its name, its chain (None for a scene), what the task left behind."""
-
-    label: str
-    chain: ChainModel | None
-    result: TaskResult
-
-
-@dataclass(frozen=True, eq=False)
-class Drawing:
-    """A drawn design without what no picture needs; `rest_m` (n + 2, 3) are the markers of the straight chain."""
+    """A design to draw: its name, what the task left behind, the markers (n + 2, 3) of its straight chain, if any."""
 
     label: str
     result: TaskResult
     rest_m: Array | None = None
 
     @staticmethod
-    def of(drawn: DrawnDesign) -> Drawing:
-        """Without the recorded motion."""
+    def of(label: str, chain: ChainModel | None, result: TaskResult) -> DrawnDesign:
+        """Without the recorded motion, which no picture needs; `chain`: None for a scene."""
         rest = None
-        if drawn.chain is not None and not drawn.result.stills:
-            geometry = ChainGeometry.of(drawn.chain)
-            rest = geometry.markers(np.zeros_like(drawn.result.final.joint_angles))
-        return Drawing(drawn.label, replace(drawn.result, frames=None, rollout=None), rest)
+        if chain is not None and not result.stills:
+            rest = ChainGeometry.of(chain).markers(np.zeros_like(result.final.joint_angles))
+        return DrawnDesign(label, replace(result, frames=None, rollout=None), rest)
 
 
 def is_search(folder: Path) -> bool:
@@ -218,32 +191,22 @@ def is_search(folder: Path) -> bool:
 
 
 def write_search(
-    folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[Drawing]
+    folder: Path, study: Mapping[str, Any], result: SearchResult, drawn: Sequence[DrawnDesign]
 ) -> None:
     """Write the record; what an earlier search left is replaced as a whole. Raises `UserError` where it cannot."""
-    value = {
-        "study": study,
-        "result": result,
-        "drawn": [{"label": d.label, "result": d.result, "rest_m": d.rest_m} for d in drawn],
-    }
-    target = folder / DATA
-    with writing_in(folder):
-        fresh = target.with_name(target.name + ".new")
-        shutil.rmtree(fresh, ignore_errors=True)
+    value = {"study": study, "result": result, "drawn": [dict(vars(one)) for one in drawn]}
+    with writing_in(folder), replaced_folder(folder / DATA) as fresh:
         fresh.mkdir(parents=True)
         write_value(fresh, value)
         write_atomically(fresh / DIGESTS, json.dumps(digests(fresh)))
-        shutil.rmtree(target, ignore_errors=True)
-        fresh.rename(target)
 
 
-def read_search(folder: Path) -> tuple[Mapping[str, Any], SearchResult, tuple[Drawing, ...]]:
+def read_search(folder: Path) -> tuple[Mapping[str, Any], SearchResult, tuple[DrawnDesign, ...]]:
     """Study, record and drawings; raises `UserError` where the folder holds none, or a damaged one."""
     try:
         expected = json.loads((folder / DATA / DIGESTS).read_text())
         value = read_checked(folder / DATA, expected)
-        drawn = tuple(Drawing(d["label"], d["result"], d["rest_m"]) for d in value["drawn"])
-        return value["study"], value["result"], drawn
+        return value["study"], value["result"], tuple(DrawnDesign(**one) for one in value["drawn"])
     except FileNotFoundError:
         raise UserError(f"{folder} holds no finished search; give the folder of 'pliant optimize'.") from None
     except (CorruptedError, OSError, ValueError, KeyError, TypeError) as error:

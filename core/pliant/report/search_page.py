@@ -23,15 +23,23 @@ from pliant.report.figures.search_course import branch_strip, search_front, sear
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.style import Png
 from pliant.report.provenance import input_table
-from pliant.report.search_files import Drawing
-from pliant.report.search_view import Axis, SearchView, measure_words, price, spread_of
+from pliant.report.search_files import DrawnDesign
+from pliant.report.search_view import (
+    NO_RESULT,
+    Axis,
+    SearchView,
+    measure_words,
+    price,
+    spread_of,
+    unit_of_measured,
+)
 
 MOST_COLUMNS = 8  # designs side by side
 MOST_BRANCHES = 10
 MOST_METRICS = 12
 
 
-def search_drawn(read: SearchView, designs: Sequence[Drawing]) -> Drawn:
+def search_drawn(read: SearchView, designs: Sequence[DrawnDesign]) -> Drawn:
     """The best designs in their ranges on top, the history where there are none; then all that the record has."""
     marks = "Marks are the best designs" if len(read.result.best) > 1 else "The mark is the best design"
     caption = (
@@ -121,7 +129,7 @@ def _pictured(
     title, name, caption, text = words
     if (png := draw(read)) is None:
         return None
-    caption = capital(caption.format(label=read.objective.label, title=read.objective.title))
+    caption = capital(caption.format(label=read.objective.unit.label, title=read.objective.unit.axis))
     return section(title, picture(name, caption, png), table(read), text=text)
 
 
@@ -131,7 +139,7 @@ def _history(read: SearchView) -> Section | None:
     if read.shape == "none":  # the picture stands at the head of the page
         text = "No candidate is feasible, so there is nothing to learn from it but the causes below."
         return Section(title, text=(text,))
-    caption = f"The best design of each search, sorted by {read.objective.label}; orange is the winner."
+    caption = f"The best design of each search, sorted by {read.objective.unit.label}; orange is the winner."
     text = (
         "A curve that has gone flat says that this optimizer found nothing better from there, not that nothing better "
         "exists."
@@ -148,14 +156,14 @@ def _history(read: SearchView) -> Section | None:
 def _history_picture(read: SearchView) -> Picture:
     lines = "moving medians of each condition" if read.contextual else "the best so far"
     caption = (
-        f"{read.objective.label} of every candidate in the order of evaluation, {read.objective.best_word}. The lines "
-        f"are {lines}; ticks at the upper rim are candidates without an objective (many: shaded by their share), dots "
-        "at the edges lie beyond them."
+        f"{read.objective.unit.label} of every candidate in the order of evaluation, {read.objective.best_word}. The "
+        f"lines are {lines}; ticks at the upper rim are candidates without an objective (many: shaded by their share), "
+        "dots at the edges lie beyond them."
     )
     return Picture("search_history", capital(caption), search_history(read))
 
 
-def _designs(designs: Sequence[Drawing]) -> Section | None:
+def _designs(designs: Sequence[DrawnDesign]) -> Section | None:
     """The designs as they settle or grasp."""
     if not designs:
         return None
@@ -223,23 +231,23 @@ def design_table(read: SearchView) -> Table | None:
         return None
     designs, names = [read.result.best[k] for k in best], read.design_names()
     rows: list[Cells] = [
-        [axis.label, *(axis.text(read.value(d, axis.name)) for d in designs), _range(axis)]
+        [axis.unit.label, *(axis.text(read.value(d, axis.name)) for d in designs), _range(axis)]
         for axis in read.axes
         if any(read.value(d, axis.name) is not None for d in designs)
     ]
     for o in read.objectives:
         goal = "to be large" if o.maximised else "to be small"
-        rows.append([o.label, *(o.text(d.objectives.get(o.name, math.nan)) for d in designs), goal])
-    own = {*map(read.metric_of, read.objectives), "trials", "outside_domain"}
+        rows.append([o.unit.label, *(o.unit.text(d.objectives.get(o.name, math.nan)) for d in designs), goal])
+    own = {*(o.metric for o in read.objectives), *NO_RESULT}
     metrics = [n for n in dict.fromkeys(n for d in designs for n in d.metrics) if n not in own][:MOST_METRICS]
     for name in metrics:
-        label, unit = read.metric(name)
-        rows.append([label, *(unit.text(d.metrics.get(name, math.nan)) for d in designs), "measured"])
+        unit = unit_of_measured(name)
+        rows.append([unit.label, *(unit.text(d.metrics.get(name, math.nan)) for d in designs), "measured"])
     if read.shape == "one":
         one = designs[0]
         where = "recommended by the optimizer" if one.number < 0 else f"candidate {one.number + 1}"
         if one.first:
-            where += f", {read.objective.text(one.first[read.objective.name])} before it was tried again"
+            where += f", {read.objective.unit.text(one.first[read.objective.name])} before it was tried again"
         if len(read.result.branches) > 1:
             where += f" of the search {read.branch_names()[one.branch]}"
         rows.append(["found as", where, ""])
@@ -251,7 +259,7 @@ def design_table(read: SearchView) -> Table | None:
 def _range(axis: Axis) -> str:
     if axis.choices:
         return ", ".join(axis.choices)
-    each = ", each in a search of its own" if axis.each else ""
+    each = ", each in a search of its own" if axis.variable.each else ""
     return f"{axis.tick(axis.low)} to {axis.tick(axis.high)} {axis.unit.symbol}".strip() + each
 
 
@@ -266,7 +274,7 @@ def _branch_table(read: SearchView) -> Table | None:
         for k, (branch, row) in enumerate(found[:MOST_BRANCHES])
     ]
     note = f"{count - len(found)} of {count} searches found no design." if count > len(found) else ""
-    head = ["rank", read.branch_title(), read.objective.title]
+    head = ["rank", read.branch_title(), read.objective.unit.axis]
     return Table("The best searches", head, rows, note, numeric=2)
 
 
@@ -275,7 +283,7 @@ def _slope_table(read: SearchView) -> Table | None:
     axes, unit, best = {axis.name: axis for axis in read.axes}, read.objective.unit, read.best
     rows = [
         [
-            axes[s.name].label,
+            axes[s.name].unit.label,
             axes[s.name].text(best.values.get(s.name)) if best is not None else "–",
             unit.text(abs(s.change), 2) if math.isfinite(s.change) else "–",
             unit.text(read.influence(s), 3),
@@ -301,11 +309,11 @@ def _metrics_table(read: SearchView) -> Table | None:
     assert found is not None
     rows = []
     for name in read.checked_metrics()[:MOST_METRICS]:
-        label, unit = read.metric(name)
+        unit = unit_of_measured(name)
         for engine, metrics in found.verified.items():
             a, b = found.predicted.get(engine, {}).get(name), metrics.get(name)
             if a is not None and b is not None:
-                rows.append([label, engine, unit.text(a), unit.text(b), unit.text(b - a, 3)])
+                rows.append([unit.label, engine, unit.text(a), unit.text(b), unit.text(b - a, 3)])
     head = ["metric", "engine", "predicted", "verified", "difference"]
     return Table("Predicted against verified", head, rows, numeric=2) if rows else None
 
@@ -329,7 +337,7 @@ def _laws_table(read: SearchView) -> Table | None:
 
 def _conditions_table(read: SearchView) -> Table | None:
     """Successes as counts; else the objective's metric, by condition and engine."""
-    found, counts, name = read.result.verification, read.success_counts(), read.objective_metric
+    found, counts, name = read.result.verification, read.success_counts(), read.objective.metric
     if found is None or not found.conditions:
         return None
     engines = list(found.conditions)
@@ -345,10 +353,10 @@ def _conditions_table(read: SearchView) -> Table | None:
     if len(conditions) < 2 or not any(name in m for one in found.conditions.values() for m in one.values()):
         return None
     rows = [
-        [c, *(read.objective.text(found.conditions[e].get(c, {}).get(name, math.nan)) for e in engines)]
+        [c, *(read.objective.unit.text(found.conditions[e].get(c, {}).get(name, math.nan)) for e in engines)]
         for c in conditions
     ]
-    return Table(f"Verified {read.objective.label} by condition", ["condition", *engines], rows)
+    return Table(f"Verified {read.objective.unit.label} by condition", ["condition", *engines], rows)
 
 
 def robust_table(read: SearchView) -> Table | None:
@@ -361,12 +369,13 @@ def robust_table(read: SearchView) -> Table | None:
         measure_words(found): (found.robust_of_nominal, found.robust_of_robust),
     }
     rows: list[Cells] = [
-        [f"{o.title}, {what}", *(number(v * o.unit.factor, 4) for v in both)] for what, both in pairs.items()
+        [f"{o.unit.axis}, {what}", *(number(v * o.unit.factor, 4) for v in both)]
+        for what, both in pairs.items()
     ]
     for axis in read.axes:
         values = [d.values.get(axis.name) if d is not None else None for d in (found.nominal, read.best)]
         if any(v is not None for v in values):
-            rows.append([axis.label, *map(axis.text, values)])
+            rows.append([axis.unit.label, *map(axis.text, values)])
     note = f"Varied: {'; '.join(found.sources)}." if found.sources else ""
     return Table("Nominal and robust design", ["", "nominal", "robust"], rows, note)
 

@@ -3,51 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import Unit, display_unit, number, plural, unbroken, unit_of_field
+from pliant.formatting import NamedUnit, named_unit, number, plural, unbroken
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, Robustness, SearchResult, Slope, VariableRecord
 from pliant.search.problem.names import acts, unit_of_objective
-from pliant.units import strip_unit_suffix
+from pliant.units import split_unit, strip_unit_suffix
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A variable in its shown unit.
+    """A variable as it is shown.
 
     Attributes:
-        name: in the study.
-        label: short, without unit.
-        unit: that it is shown in.
-        type: real, integer or categorical.
-        low, high: ends of the range in that unit; first and last index of choices.
-        choices: texts; empty for a range.
-        values: (n,) of every candidate, choices by their index; NaN where it has none.
-        raw: the choices as the record has them.
-        each: whether a search was made for each of its values.
+        variable: as the record has it.
+        unit: that it is shown in, with its short label.
+        values: (n,) of every candidate in that unit, choices by their index; NaN where it has none.
     """
 
-    name: str
-    label: str
-    unit: Unit
-    type: str
-    low: float
-    high: float
-    choices: tuple[str, ...]
+    variable: VariableRecord
+    unit: NamedUnit
     values: Array
-    raw: tuple[Any, ...] = ()
-    each: bool = False
+
+    @property
+    def name(self) -> str:
+        """In the study."""
+        return self.variable.name
+
+    @cached_property
+    def choices(self) -> tuple[str, ...]:
+        """The choices as texts; empty for a range."""
+        return tuple(self.text(choice) for choice in self.variable.choices)
+
+    @property
+    def low(self) -> float:
+        """Lower end of the range in the shown unit, or the first index of choices."""
+        return 0.0 if self.choices else self.variable.low * self.unit.factor
+
+    @property
+    def high(self) -> float:
+        """Upper end of the range in the shown unit, or the last index of choices."""
+        return len(self.choices) - 1.0 if self.choices else self.variable.high * self.unit.factor
 
     @property
     def title(self) -> str:
         """Label and unit: ``radius (mm)``."""
-        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol and not self.choices else self.label
+        return self.unit.label if self.choices else self.unit.axis
 
     def place(self, value: Any) -> float:
         """Where a value of a `FoundDesign` stands: in the shown unit, or the index of a choice; NaN if nowhere."""
@@ -59,7 +66,7 @@ class Axis:
                 np.isclose(c, value, rtol=1e-9, atol=1e-12)
                 if numeric and isinstance(c, int | float)
                 else c == value
-                for c in self.raw
+                for c in self.variable.choices
             )
             return float(next((k for k, same in enumerate(alike) if same), np.nan))
         return float(value) * self.unit.factor
@@ -68,36 +75,29 @@ class Axis:
         """A value of a `FoundDesign` with its unit."""
         if value is None or isinstance(value, bool | str):
             return value if isinstance(value, str) else number(value)
-        return self.unit.text(round(value) if self.type == "integer" and not self.choices else value)
+        return self.unit.text(round(value) if self.variable.type == "integer" else value)
 
     def tick(self, shown: float) -> str:
         """A value on the axis, without unit."""
         if self.choices:
             return self.choices[min(max(round(shown), 0), len(self.choices) - 1)]
-        return number(round(shown) if self.type == "integer" and not self.unit.symbol else shown, 4)
+        return number(round(shown) if self.variable.type == "integer" and not self.unit.symbol else shown, 4)
 
     def share(self, shown: Array | float) -> Array:
-        """Values as shares of the range, 0…1."""
-        width = self.high - self.low
-        return (
-            (np.asarray(shown, float) - self.low) / width if width > 0 else 0.5 + 0 * np.asarray(shown, float)
-        )
+        """Values as shares of the range, 0…1; the middle of a range without width."""
+        width, above = self.high - self.low, np.asarray(shown, float) - self.low
+        return above / width if width > 0 else 0.5 + 0 * above
 
 
 @dataclass(frozen=True)
 class Objective:
-    """An objective: its text in the study, its unit where it is a metric with one, and its direction."""
+    """An objective: its text in the study, its label and unit, its direction, and the metric that it is, if any."""
 
     name: str
-    label: str
-    unit: Unit
+    unit: NamedUnit
     maximised: bool
     column: int = 0
-
-    @property
-    def title(self) -> str:
-        """Label with the display unit, as an axis has it."""
-        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol else self.label
+    metric: str = ""
 
     @property
     def best_word(self) -> str:
@@ -108,9 +108,11 @@ class Objective:
         """As the study states it, in the shown unit, from values as they are minimised (SI)."""
         return np.asarray(minimised, float) * self.unit.factor * (-1.0 if self.maximised else 1.0)
 
-    def text(self, value: float, digits: int = 4) -> str:
-        """A value as stated (SI) with its unit."""
-        return self.unit.text(float(value), digits)
+
+def unit_of_measured(metric: str) -> NamedUnit:
+    """A metric as people read it: ``rmse (mm)``."""
+    stem, si = split_unit(metric)
+    return named_unit(stem.replace("_", " "), si)
 
 
 def short_labels(names: Sequence[str]) -> list[str]:
@@ -173,17 +175,19 @@ class SearchView:
     @cached_property
     def objectives(self) -> tuple[Objective, ...]:
         """In the study's order."""
-        metrics = {strip_unit_suffix(name): name for name in self._metrics()}
-        found = []
-        for column, (name, maximised) in enumerate(
-            zip(self.result.objectives, self.result.maximised, strict=True)
-        ):
-            metric = metrics.get(strip_unit_suffix(name))
-            own = display_unit(unit_of_objective(name, self.result.variables, {}))
-            label, unit = unit_of_field(metric) if metric else (name, own)
-            label = label.replace("_", " ") if metric else label
-            short = label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
-            found.append(Objective(name, short, unit, maximised, column))
+        names = dict.fromkeys(
+            [*self.result.history.metrics, *(n for d in self.result.best for n in d.metrics)]
+        )
+        metrics = {strip_unit_suffix(name): name for name in names}
+        found: list[Objective] = []
+        for name, maximised in zip(self.result.objectives, self.result.maximised, strict=True):
+            if metric := metrics.get(strip_unit_suffix(name), ""):
+                unit = unit_of_measured(metric)
+            else:
+                unit = named_unit(name, unit_of_objective(name, self.result.variables, {}))
+            if len(unit.label) > LONGEST:
+                unit = replace(unit, label=f"{unit.label[: LONGEST - 1]}…")
+            found.append(Objective(name, unit, maximised, len(found), metric))
         return tuple(found)
 
     @property
@@ -213,7 +217,9 @@ class SearchView:
         for name in history.values:
             if name not in known:
                 values = np.asarray(history.values[name], float)
-                found.append(Axis(name, short_labels([name])[0], Unit(""), "real", 0, 1, (), values))
+                found.append(
+                    Axis(VariableRecord(name, (), "real"), named_unit(short_labels([name])[0]), values)
+                )
         return tuple(found)
 
     def varied(self) -> list[Axis]:
@@ -227,7 +233,7 @@ class SearchView:
 
     def branch_title(self) -> str:
         """What the parts of a branch's name are."""
-        labels, branches = {axis.name: axis.label for axis in self.axes}, self.result.branches
+        labels, branches = {axis.name: axis.unit.label for axis in self.axes}, self.result.branches
         return " · ".join(labels.get(name, name) for name in (branches[0] if branches else ()))
 
     def best_of_branches(self) -> list[tuple[int, int]]:
@@ -258,11 +264,6 @@ class SearchView:
         names = self.result.conditions
         return names[context] if 0 <= context < len(names) else "all conditions"
 
-    def metric(self, name: str) -> tuple[str, Unit]:
-        """A metric as people read it, and its unit."""
-        label, unit = unit_of_field(name)
-        return label.replace("_", " "), unit
-
     def by_influence(self) -> list[Slope]:
         """Slopes of known variables, those whose range changes the objective most first."""
         known = {axis.name for axis in self.axes}
@@ -283,7 +284,7 @@ class SearchView:
             for name in metrics
             if name in found.predicted.get(engine, {}) and name not in NO_RESULT  # type: ignore[union-attr]
         )
-        return sorted(both, key=lambda name: name != self.objective_metric)
+        return sorted(both, key=lambda name: name != self.objective.metric)
 
     def success_counts(self) -> dict[str, dict[str, tuple[int, int]]]:
         """Engine → condition → (stable grasps, trials); empty where no whole number of trials says so."""
@@ -297,16 +298,6 @@ class SearchView:
                 counts.setdefault(engine, {})[name or "all trials"] = (round(share * trials), trials)
         return counts
 
-    @property
-    def objective_metric(self) -> str:
-        """The metric that is the first objective; empty where that is an expression."""
-        return self.metric_of(self.objective)
-
-    def metric_of(self, objective: Objective) -> str:
-        """The metric that is an objective; empty where that is an expression."""
-        wanted = strip_unit_suffix(objective.name)
-        return next((name for name in self._metrics() if strip_unit_suffix(name) == wanted), "")
-
     def trials(self, metrics: Mapping[str, float]) -> int | None:
         """Trials behind these metrics of the check: their own count, else the study's; None without any."""
         if metrics.get("trials"):
@@ -316,28 +307,14 @@ class SearchView:
         stated = changed if changed is not None else (self.study.get("task") or {}).get("trials")
         return int(stated) if stated is not None else None
 
-    def _metrics(self) -> list[str]:
-        names = dict.fromkeys(self.result.history.metrics)
-        for design in self.result.best:
-            names.update(dict.fromkeys(design.metrics))
-        return list(names)
-
     def _axis(self, variable: VariableRecord, label: str) -> Axis:
-        history = self.result.history
-        unit = display_unit(variable.unit)
-        raw = variable.choices
-        texts = tuple(
-            c if isinstance(c, str) else number(c) if isinstance(c, bool) else unit.text(c) for c in raw
-        )
+        history, unit = self.result.history, named_unit(label, variable.unit)
+        values = np.full(len(history), np.nan)
+        axis = Axis(variable, unit, values)
         if variable.name in history.values:
-            values = np.asarray(history.values[variable.name], float) * (1.0 if raw else unit.factor)
-        else:
-            values = np.full(len(history), np.nan)
-        ends = (
-            (0.0, float(len(raw) - 1)) if raw else (variable.low * unit.factor, variable.high * unit.factor)
-        )
-        axis = Axis(variable.name, label, unit, variable.type, *ends, texts, values, raw, variable.each)
-        if variable.name not in history.values and variable.each and len(history):
+            factor = 1.0 if variable.choices else unit.factor
+            values[:] = np.asarray(history.values[variable.name], float) * factor
+        elif variable.each and len(history):
             placed = np.array([axis.place(b.get(variable.name)) for b in self.result.branches])
             values[:] = placed[np.asarray(history.branch, int)]
         return axis
@@ -368,7 +345,7 @@ def price(read: SearchView) -> str:
     found, objective = read.result.robustness, read.objective
     assert found is not None
     a, b, c, d = (
-        objective.text(value)
+        objective.unit.text(value)
         for value in (
             found.nominal_of_nominal, found.nominal_of_robust, found.robust_of_nominal, found.robust_of_robust,
         )
@@ -382,8 +359,8 @@ def price(read: SearchView) -> str:
     cost = worse * (found.nominal_of_robust - found.nominal_of_nominal)
     gain = worse * (found.robust_of_nominal - found.robust_of_robust)
     size, by = (objective.unit.attached(number(abs(v), 3)) for v in (cost, gain))
+    of = f"{size} of {objective.unit.label}" if cost > 0 else "nothing"
     return unbroken(
-        f"Being robust costs {f'{size} of {objective.label}' if cost > 0 else 'nothing'} where nothing deviates ({a} "
-        f"of the nominal design, {b} of the robust one) and {'improves' if gain > 0 else 'does not improve'} {over}"
-        f"{f' by {by}' if gain > 0 else ''} ({c} against {d})."
+        f"Being robust costs {of} where nothing deviates ({a} of the nominal design, {b} of the robust one) and "
+        f"{'improves' if gain > 0 else 'does not improve'} {over}{f' by {by}' if gain > 0 else ''} ({c} against {d})."
     )

@@ -56,7 +56,7 @@ class Symbol:
 
 
 @dataclass(frozen=True)
-class Constant:
+class LiteralValue:
     """A number, SI, or a quoted text."""
 
     value: float | str
@@ -71,7 +71,7 @@ class Call:
     of: tuple[Node, ...]
 
 
-Node = Symbol | Constant | Call
+Node = Symbol | LiteralValue | Call
 Values = Mapping[str, Any]  # symbol's name → value or array, SI
 
 
@@ -149,7 +149,7 @@ def _value(node: Node, values: Values) -> Any:
     if isinstance(node, Symbol):
         found = values[node.name]
         return found if node.sort == "text" else np.asarray(found, dtype=float)
-    if isinstance(node, Constant):
+    if isinstance(node, LiteralValue):
         return node.value
     with np.errstate(all="ignore"):
         return FUNCTIONS[node.function](*(_value(inner, values) for inner in node.of))
@@ -191,7 +191,7 @@ def _symbols(node: Node) -> Iterator[Symbol]:
 def _is_text(node: Node) -> bool:
     if isinstance(node, Symbol):
         return node.sort == "text"
-    return isinstance(node, Constant) and isinstance(node.value, str)
+    return isinstance(node, LiteralValue) and isinstance(node.value, str)
 
 
 def _unit_of(node: Node) -> str | None:
@@ -374,7 +374,7 @@ class _Reader:
         if token.kind == "number":
             return self.quantity(token)
         if token.kind == "text":
-            return Constant(token.text[1:-1])
+            return LiteralValue(token.text[1:-1])
         if self.take("("):
             return self.call(token)
         try:
@@ -403,14 +403,14 @@ class _Reader:
             raise self.mistake(f"'{name.text}' takes one number, not {len(of)}", name.at)
         return Call(name.text, tuple(of))
 
-    def quantity(self, token: _Token) -> Constant:
+    def quantity(self, token: _Token) -> LiteralValue:
         number = float(token.text)
         if not np.isfinite(number):
             raise self.mistake(f"'{token.text}' is too large", token.at)
         if not token.unit:
-            return Constant(number)
+            return LiteralValue(number)
         for unit in (*EXAMPLES, *FURTHER_UNITS):
             with suppress(UnitError):
-                return Constant(parse_quantity(f"{token.text} {token.unit}", unit), unit)
+                return LiteralValue(parse_quantity(f"{token.text} {token.unit}", unit), unit)
         hint = "put spaces around operators, and one between a number and a name"
         raise self.mistake(f"'{token.unit}' is no unit; {hint}", token.at)

@@ -17,24 +17,13 @@ SHOWN = 20  # problems that a message lists
 ENOUGH = 10_000  # problems after which reading stops
 MISSING = (
     "",
-    "nan",
-    "na",
-    "n/a",
-    "#n/a",
-    "#nv",
-    "-",
-    "–",
-    "--",
-    "---",
-    "null",
-    "none",
-    "nan(ind)",
-    "-nan(ind)",
+    *["nan", "na", "n/a", "#n/a", "#nv", "-", "–", "--", "---", "null", "none", "nan(ind)", "-nan(ind)"],
 )
 COMMA_DECIMAL = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+")  # or decimals
 FORTRAN = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))[dD]([-+]?\d+)")
-_DAY = r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})|(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4}|\d\d))"
+_ISO = r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})"
+_DAY = rf"(?:{_ISO}|(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<y>\d{{4}}|\d\d))"
 _CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d{1,9}))?)?"
 STAMP = re.compile(
     rf"(?:{_DAY}(?:[T ,]\s*{_CLOCK.replace('?P<', '?P<at_')})?|{_CLOCK})\s*(?:Z|[+-]\d\d:?\d\d)?"

@@ -50,7 +50,7 @@ def find_header(rows: Sequence[Row], marks: Marks) -> Found | None:
     at, names = rows[best]
     second = rows[best + 1][1]
     units = not data[best + 1] and len(second) == len(names) and are_units(second)
-    start = rows[best + 1 + units][0]
+    start = rows[best + units][0] + 1
     return Found(with_units(names, second) if units else list(names), at, start, fitting[best])
 
 

@@ -161,7 +161,7 @@ class Schema:
         return name, None
 
     def _by_word(self, name: str, unit: str | None, stamped: bool) -> tuple[str, str | None]:
-        """`Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar"); the name itself where nothing is meant surely."""
+        """`Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar"); the name itself where it may mean several."""
         cuts: list[tuple[str, str | None]] = [(name, unit)]
         cuts += [(name[:k], ENDINGS.get(name[k + 1 :].lower())) for k, mark in enumerate(name) if mark == "_"]
         found: dict[str, str | None] = {}

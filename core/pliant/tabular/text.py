@@ -1,9 +1,9 @@
 """A table's text as a stream of blocks: bounded memory, every row with its line, every problem told.
 
-Taken as people save it: columns between commas, semicolons, tabs or blanks (decimals may have a comma where none separates
-columns, or where cells are quoted); UTF-8 with or without a byte order mark, UTF-16, and Latin-1 where bytes are no UTF-8;
-comments of Pliant (`#`), COMSOL (`%`) and Abaqus (`**`); lines of instruments above the header; the header in the last
-comment above the numbers, as COMSOL and numpy write it; a line of units below it.
+Taken as people save it: columns between commas, semicolons, tabs or blanks (decimals may have a comma where none
+separates columns, or where cells are quoted); UTF-8 with or without a byte order mark, UTF-16, and Latin-1 where bytes
+are no UTF-8; comments of Pliant (`#`), COMSOL (`%`) and Abaqus (`**`); lines of instruments above the header; the
+header in the last comment above the numbers, as COMSOL and numpy write it; a line of units below it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.formatting import plural
 from pliant.records.design import Array
-from pliant.tabular.cells import COMMA_DECIMAL, Block, Marks, Problems, any_numeric, looks_numeric
+from pliant.tabular.cells import COMMA_DECIMAL, Block, Cells, Marks, Problems, any_numeric, looks_numeric
 from pliant.tabular.header import WINDOW, Found, Row, find_header
 from pliant.tabular.sheet import Sheet
 
@@ -92,6 +92,8 @@ class TextSheet(Sheet):
 
     def _parsed(self, texts: list[str], numbers: Array) -> Block:
         width = len(self.header)
+        if (plain := self._plain(texts, width)) is not None:
+            return Block(plain, numbers, self.problems, self.marks, self.clock)
         try:
             rows = list(_reader(texts, self.separator))
             columns = tuple(zip(*rows, strict=True))
@@ -117,6 +119,17 @@ class TextSheet(Sheet):
                 self.problems.add(number, f"{plural(len(cells), 'cell')}, but the header has {width}{hint}")
         columns = tuple(zip(*good, strict=True)) if good else ((),) * width
         return Block(columns, np.array(lines, int), self.problems, self.marks, self.clock)
+
+    def _plain(self, texts: list[str], width: int) -> tuple[Cells, ...] | None:
+        """The columns where nothing is quoted and every row has all cells: without a list for each row."""
+        mark = self.separator
+        if mark == " ":
+            texts = [" ".join(line.split()) for line in texts]
+        together = mark.join(texts)
+        if '"' in together or any(line.count(mark) != width - 1 for line in texts):
+            return None
+        cells = together.split(mark)
+        return tuple(tuple(cells[k::width]) for k in range(width))
 
     def _row(self, texts: list[str]) -> tuple[list[str], str]:
         """Cells of one row that may run over lines, and what is wrong with it."""

@@ -98,7 +98,7 @@ def conversion(written: str, unit: str, where: str) -> tuple[float, float]:
 
 
 def value_of(written: str | float, unit: str, where: str) -> float:
-    """A quantity as people write it, in an SI unit; a bare number is one. Raises `UserError` that begins with `where`."""
+    """A quantity as people write it, in an SI unit; a bare number is SI. Raises `UserError` with `where` in front."""
     if isinstance(written, str) and (match := _NUMBER.fullmatch(written.strip())) and match[2]:
         scale, shift = conversion(match[2], unit, where)
         return scale * float(match[1]) + shift

@@ -19,9 +19,11 @@ from dataclasses import dataclass, field
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 
+from pliant.config.problems import sentences
 from pliant.errors import ContractError, MissingDependencyError, PliantError, UserError
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.registry.component import Component
 
 T = TypeVar("T")
@@ -33,7 +35,8 @@ MORE = {"effect": ("effect_terms", "effect_found"), "physics": ("physics_runs", 
 class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports
     """A component breaks its contract; the message names it, what was seen, why, and the clause.
 
-    `raised_at` is the place in the plugin's code from which an error came, (type, file, line), where one did.
+    `raised_at` is the place in the plugin's code from which an error came, (type, file, line), where one did; where a
+    config was refused, what is wrong with it stands for the file.
     """
 
     raised_at: tuple[str, str, int] | None = None
@@ -183,17 +186,18 @@ class Check:
             raise CheckSkipped(str(error)) from None
         except Finding as finding:
             raise self._failure(subject, str(finding)) from finding
+        except ValidationError as error:
+            seen = _refusal(subject, error)
+            failure = self._failure(subject, seen)
+            failure.raised_at = ("ValidationError", seen, 0)
+            raise failure from None
         except Exception as error:  # whatever a plugin raises is its failure, not the suite's
-            place = traceback.extract_tb(error.__traceback__)[-1]
             name, text = type(error).__name__, " ".join(str(error).split()) or "without a message"
+            function, file, line = _raised_at(subject, error)
             # Its place only where it was not raised on purpose.
-            where = (
-                ""
-                if isinstance(error, PliantError)
-                else f" in {place.name} ({place.filename}:{place.lineno})"
-            )
+            where = "" if isinstance(error, PliantError) else f" in {function} ({file}:{line})"
             failure = self._failure(subject, f"it raised {name}{where}: {text}")
-            failure.raised_at = (name, place.filename, place.lineno or 0)
+            failure.raised_at = (name, file, line)
             raise failure from error
 
     def _failure(self, subject: Subject, seen: str) -> CheckFailure:
@@ -201,6 +205,22 @@ class Check:
         return CheckFailure(
             f"{subject.component.label} fails '{self.name}': {seen}. The contract: {self.clause}"
         )
+
+
+def _raised_at(subject: Subject, error: Exception) -> tuple[str, str, int]:
+    """The last line of the plugin's package on the way to an error, else the last one: function, file, line."""
+    package = subject.component.implementation.partition(":")[0].partition(".")[0]
+    frames = list(traceback.walk_tb(error.__traceback__))
+    own = [at for at in frames if at[0].f_globals.get("__name__", "").partition(".")[0] == package]
+    frame, line = (own or frames)[-1]
+    return frame.f_code.co_name, frame.f_code.co_filename, line
+
+
+def _refusal(subject: Subject, error: ValidationError) -> str:
+    """What is wrong in a block that its model refused, in the sentences that a study would get."""
+    model = subject.model if error.title == subject.model.__name__ else FrozenModel
+    lines = sentences(error, model, lambda path: "", (subject.component.interface,)).splitlines()
+    return f"{error.title} refuses its block: {' '.join(lines)}"
 
 
 def declared(function: CheckFunction) -> CheckFunction:

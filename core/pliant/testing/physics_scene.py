@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,6 +36,7 @@ CREEP_M_S = 1e-4
 SETTLED_M = 5e-5
 PLACE_M = 1e-9
 STILL_RAD_S = 2e-4
+HELD_S = 0.4
 LIFT_M_S = np.array([0.0, 0.0, 0.03])
 
 
@@ -52,21 +54,36 @@ def _run(simulation: SceneSimulation, duration_s: float) -> SceneState:
     return simulation.snapshot()
 
 
-def _held(subject: Subject) -> SceneSimulation:
-    """The box pinched and lifted off the floor, until nothing swings."""
-    simulation = needs(subject, "contacts").build_scene(pinch_scene())
-    simulation.apply(pinching())
-    _run(simulation, 0.6)
-    simulation.carry(LIFT_M_S)
-    _run(simulation, 0.6)
-    return simulation
+@dataclass(frozen=True, eq=False)
+class Pinched:
+    """A box that two fingers hold and lift: its contacts, the state, that `HELD_S` later, and both after `restore`."""
+
+    contacts: Sequence[Contact]
+    first: SceneState
+    numbers: Array
+    """Those of `first` when it was taken."""
+    last: SceneState
+    restored: SceneState
+    last_again: SceneState
 
 
 @once
-def _pinched(subject: Subject) -> tuple[Sequence[Contact], SceneState, SceneState]:
-    """Contacts and state of the held box, and its state 0.6 s later."""
-    with _held(subject) as simulation:
-        return simulation.contacts(), simulation.snapshot(), _run(simulation, 0.6)
+def _pinched(subject: Subject) -> Pinched:
+    """The box pinched and lifted off the floor, until nothing swings; then held."""
+    with needs(subject, "contacts").build_scene(pinch_scene()) as simulation:
+        simulation.apply(pinching())
+        _run(simulation, 0.6)
+        simulation.carry(LIFT_M_S)
+        first = _run(simulation, 0.6)
+        contacts, numbers, last = simulation.contacts(), _numbers(first), _run(simulation, HELD_S)
+        simulation.restore(first)
+        return Pinched(contacts, first, numbers, last, simulation.snapshot(), _run(simulation, HELD_S))
+
+
+def _numbers(state: SceneState) -> Array:
+    parts = [np.array(state.time_s), state.carriage_m, *state.coordinates, *state.rates]
+    parts += [state.positions_m, state.rotations, state.velocities]
+    return np.concatenate([np.ravel(part) for part in parts])
 
 
 def _force_on_objects(contacts: Sequence[Contact]) -> Array:
@@ -200,7 +217,7 @@ def carriage_moves_arms(subject: Subject) -> None:
 
 def contacts_have_signs(subject: Subject) -> None:
     """contacts name the arm first; normals point to the second body, forces act on it and carry the weight."""
-    contacts, state, _ = _pinched(subject)
+    contacts, state = _pinched(subject).contacts, _pinched(subject).first
     touching = [c for c in contacts if "arm" in (c.first.kind, c.second.kind)]
     require(touching, "two fingers that hold a box report no contact with it")
     named = all(c.first.kind == "arm" and c.second == Part("object") for c in touching)
@@ -224,7 +241,7 @@ def contacts_have_signs(subject: Subject) -> None:
 
 def held_objects_do_not_creep(subject: Subject) -> None:
     """what two fingers hold rises with the carriage and creeps by at most 0.1 mm/s."""
-    _, first, last = _pinched(subject)
+    first, last = _pinched(subject).first, _pinched(subject).last
     risen = 1e3 * float(last.positions_m[0, 2] - first.positions_m[0, 2])
     carried = 1e3 * float(last.carriage_m[2] - first.carriage_m[2])
     rose = f"the box rose {risen:.3g} mm while the carriage rose {carried:.3g}"
@@ -236,24 +253,15 @@ def held_objects_do_not_creep(subject: Subject) -> None:
 
 def restores_a_scene(subject: Subject) -> None:
     """`restore` brings a scene in contact back exactly, and the same steps then give the same motion."""
-    with _held(subject) as simulation:
-        kept = simulation.snapshot()
-        numbers = _numbers(kept)
-        there = _numbers(_run(simulation, 0.2))
-        moved = np.abs(there - numbers).max() > 1e-3
-        require(moved, "the carriage moves, and the snapshot after it is the same")
-        same = np.array_equal(_numbers(kept), numbers)
-        require(same, "the snapshot changed while the scene went on: copy it")
-        simulation.restore(kept)
-        agree(_numbers(simulation.snapshot()), numbers, "state after restore", atol=1e-12)
-        again = _numbers(_run(simulation, 0.2))
-    agree(again, there, "state 0.2 s after restore: caches of contacts or internal steps", atol=1e-9)
-
-
-def _numbers(state: SceneState) -> Array:
-    parts = [np.array(state.time_s), state.carriage_m, *state.coordinates, *state.rates]
-    parts += [state.positions_m, state.rotations, state.velocities]
-    return np.concatenate([np.ravel(part) for part in parts])
+    held = _pinched(subject)
+    first, last = _numbers(held.first), _numbers(held.last)
+    moved = np.abs(last - held.numbers).max() > 1e-3
+    require(moved, "the carriage moves, and the snapshot after it is the same")
+    same = np.array_equal(first, held.numbers)
+    require(same, "the snapshot changed while the scene went on: copy it")
+    agree(_numbers(held.restored), first, "state after restore", atol=1e-12)
+    finding = f"state {HELD_S:g} s after restore: caches of contacts or internal steps"
+    agree(_numbers(held.last_again), last, finding, atol=1e-9)
 
 
 def scenes_report_extrapolation(subject: Subject) -> None:

@@ -173,6 +173,11 @@ class EnergyLaw(JointLaw):
             -np.stack(tau, axis=1), -np.stack(by_p, axis=1), -np.stack(by_u, axis=1).reshape(n, a, a)
         )
 
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        p, u = np.asarray(actuation, float), np.asarray(deformation, float)
+        energy: Array = slope_columns(self.powers, p, u, ()) @ self.terms
+        return energy
+
     def record(self) -> LawRecord:
         values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
         box = {"actuation": self.domain.actuation, "deformation": self.domain.deformation}

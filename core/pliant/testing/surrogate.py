@@ -30,9 +30,9 @@ U = (DATA.angle_rad.min() + np.ptp(DATA.angle_rad) * _SHARES[1])[:, None]
 
 
 def _surrogate(subject: Subject) -> Surrogate:
-    """Built from defaults: the example may state a law instead of fitting one."""
-    surrogate: Surrogate = subject.build(subject.plain_config)
-    return surrogate
+    """Built from the example, or from defaults where that states a law instead of fitting one."""
+    example: Surrogate = subject.build()
+    return example if example.stated() is None else subject.build(subject.plain_config)
 
 
 @once

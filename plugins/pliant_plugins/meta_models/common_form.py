@@ -15,7 +15,7 @@ from pliant.records.solved import Parameter
 from pliant_plugins.meta_models.common_form_scales import ParameterMap, Trends
 from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 ARRAYS = ("centre", "directions", "reference", "solved", "extent", "margin", "spread")
@@ -114,7 +114,7 @@ class CommonForm:
         common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
         if len(self.axes) > 1:
             basis = EnergyBasis(self.exponents, x_map, u_map)
-            return EnergyLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
+            return EnergyPolynomialLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
         i, j = self.exponents.T
         table = np.zeros((i.max() + 1, j.max()))
         table[i, j - 1] = -coefficients * j / reach[0]

@@ -156,7 +156,7 @@ def fit_ridges(
             name: torch.tensor(value, dtype=torch.float64, requires_grad=True)
             for name, value in start.items()
         }
-        misfit = _Misfit(torch, states, mirror)
+        misfit = _RidgeMisfit(torch, states, mirror)
 
         def loss() -> Any:
             held = sum((leaves[name] ** 2).sum() for name in ("inner", "outer", "ridges"))
@@ -170,7 +170,7 @@ def fit_ridges(
     return RidgeFamily(**plain, mirror=mirror), missed
 
 
-class _Misfit:
+class _RidgeMisfit:
     """Mean squared errors of efforts and of slopes, each axis by its own mean size; unknown numbers do not count."""
 
     def __init__(self, torch: Any, states: ScaledStates, mirror: Array) -> None:

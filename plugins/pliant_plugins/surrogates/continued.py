@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
 
+# Stands for "without limit" in parameters, which are finite numbers.
+UNBOUNDED = 1e300
 # A continuation in p may take at most this share of the boundary's stiffness.
 STIFFNESS_SHARE = 0.5
 
@@ -125,3 +128,24 @@ class ContinuedLaw(JointLaw):
         du = u - inside
         full: Array = area + reach * area_gain + (p - held - reach) * reference * inside
         return full + tau * du + slope * du**2 / 2
+
+
+def share_actuation(
+    parameters: Array, share: float, header: int, acting: Sequence[int], gains: slice
+) -> Array:
+    """Parameters of a law of independent axes whose actuation is `share` times what it is given.
+
+    `parameters` has a block for each axis: `header` numbers, the first two the shape of the coefficients after them.
+
+    Args:
+        acting: places in a block of what has the unit of the actuation.
+        gains: places of what has the inverse unit.
+    """
+    scaled, start = np.array(parameters, float), 0
+    while start < len(scaled):
+        for place in acting:
+            if abs(scaled[start + place]) < UNBOUNDED:
+                scaled[start + place] /= share
+        scaled[start + gains.start : start + gains.stop] *= share
+        start += header + round(scaled[start]) * round(scaled[start + 1])
+    return scaled

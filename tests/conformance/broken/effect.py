@@ -67,6 +67,13 @@ class Misspelt(Gain):
         return model.with_(chain=model.chain.with_(payload_kg=self.config.gian))  # type: ignore[attr-defined]
 
 
+class Misstated(Gain):
+    """States its config again and misspells a key; no single check is about this."""
+
+    def apply(self, model: Model) -> Model:
+        return Gain(GainConfig(gian=self.config.gain)).apply(model)  # type: ignore[call-arg]
+
+
 variants = Variants(
     Component("effect", "small", f"{__name__}:GainConfig", f"{__name__}:Gain", "a gain", {"gain": 1.1})
 )
@@ -94,6 +101,13 @@ class NothingToFit(GainConfig):
     """A plain field."""
 
     gain: Ratio = 1.0
+
+
+@variants.by_config("says_where_a_simpler_form_is_enough")
+class SilentAtItsBound(GainConfig):
+    """A shape that begins at its bound, of which a fit there would be an alarm."""
+
+    rise: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.1, 0.5), role="shape")
 
 
 @variants.by_config("config_keeps_the_bounds")

@@ -175,7 +175,7 @@ held(
     "branches_agree",
     lambda state, actuation, start: altered(state, moment_n_m=state.moment_n_m + 1e-9 * actuation),
 )
-seen("moment_has_the_right_sign", lambda s: altered(s, moment_n_m=-s.moment_n_m))
+seen("slope_in_angle_is_exact", lambda s: altered(s, moment_n_m=-s.moment_n_m))
 for slope, check in (("dmoment_dp", "slope_in_pressure_is_exact"), ("dmoment_du", "slope_in_angle_is_exact")):
     seen(
         check,

@@ -70,12 +70,13 @@ broken(
     evaluate=lambda up, self, F: replace(up(F), tangent=up(np.broadcast_to(UNIT, F.shape)).tangent),
 )
 broken(
-    "tangent_is_symmetric",
+    "tangent_is_the_stress_slope",
     evaluate=lambda up, self, F: replace(up(F), tangent=np.swapaxes(up(F).tangent, -1, -2)),
 )
 broken("ignores_rotations_of_the_frame", energy=_of_linear_strain)
 broken("is_isotropic", energy=_with_fibres)
-broken("is_stiff_at_rest", evaluate=_soft_in_shear)
+broken("states_its_moduli", evaluate=_soft_in_shear)
+broken("states_its_moduli", shear_modulus_pa=property(lambda self: -self.config.shear_modulus_pa))
 broken("states_its_moduli", bulk_modulus_pa=property(lambda self: self.config.lame_pa))
 broken("remarks_are_sentences", remarks=lambda up, self: ("soft",))
 broken("takes_points_of_any_shape", evaluate=lambda up, self, F: up(F.reshape(-1, 3, 3)))

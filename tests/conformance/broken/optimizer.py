@@ -175,7 +175,7 @@ def _one_answer(up: Any, self: Any, candidate: Trial, scores: list[float]) -> No
 
 broken("declares_its_capabilities", capabilities="everything")
 broken("proposals_are_within_bounds", value=_off_by_one)
-broken("proposals_are_plain_values", value=_numpys)
+broken("proposals_are_within_bounds", value=_numpys)
 broken("batch_is_a_number", batch=0)
 broken("candidates_have_their_own_numbers", ask=_numbered_by_batch)
 broken("answers_before_all_is_told", ask=_in_step)
@@ -183,7 +183,7 @@ broken(
     "seed_decides_everything",
     value=lambda up, self, variable, _, centre: up(variable, np.random.default_rng(), centre),
 )
-broken("seeds_differ", start=lambda up, self, space, seed: up(space, 0))
+broken("seed_decides_everything", start=lambda up, self, space, seed: up(space, 0))
 broken("leaves_global_random_state_alone", start=_seeding_everybody)
 broken("order_of_results_does_not_matter", tell=_the_last_one_counts)
 broken(
@@ -203,5 +203,9 @@ broken(
 )
 broken("avoids_what_is_refused", scores=lambda up, self, trial: list(trial.objectives))
 broken("finds_a_front", scores=lambda up, self, trial: [trial.objective])
-broken("contexts_are_in_range", candidate=lambda up, self, number: replace(up(number), context=0))
+for context in (lambda number: 0, lambda number: 1 + number % 2):
+    broken(
+        "learns_an_answer_for_each_context",
+        candidate=lambda up, self, number, of=context: replace(up(number), context=of(number)),
+    )
 broken("learns_an_answer_for_each_context", keep=_one_answer)

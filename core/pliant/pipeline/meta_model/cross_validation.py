@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pliant.errors import UserError
 from pliant.execution.progress import Progress
 from pliant.interfaces.meta_model import MetaModel, enough_to_score
-from pliant.pipeline.meta_model.designs import trusted
+from pliant.pipeline.meta_model.designs import scored_states
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
@@ -153,12 +153,8 @@ def _part(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[
 def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, Any]:
     """Misses of the law of one design."""
     data = designs.data[index]
-    keep = trusted(data)
+    keep, counts = scored_states(data)
     p, u, tau = data.actuation[keep], data.deformation[keep], data.tau[keep]
-    counts = np.isfinite(tau)
-    for a, axis in enumerate(data.axes):
-        if axis != data.main_axis:
-            counts[:, a] &= data.explored[keep] != data.main_axis
     free_miss, free_angle = free_misses(law, data)
     return {
         "design": np.full(len(p), index),

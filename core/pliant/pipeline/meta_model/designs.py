@@ -37,7 +37,7 @@ NO_PART_IN_THE_LAW = ("kind", "density_kg_m3")
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SourcedDesigns:
     """Solved designs and where they came from.
 
     Attributes:
@@ -74,6 +74,19 @@ def is_number(value: Any) -> bool:
 def trusted(data: ModuleData) -> NDArray[np.bool_]:
     """(n,) whether nothing overlaps in a state, or what overlaps is let pass."""
     return np.isin(data.status, TRUSTED)
+
+
+def scored_states(data: ModuleData) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Trusted states (n,), and for these (m, k) whether the effort about each axis counts in a law's scores.
+
+    Of lateral axes only states count that move them: where one is explored, or all axes are held.
+    """
+    keep = trusted(data)
+    counts = np.isfinite(data.tau[keep])
+    counts[:, [axis != data.main_axis for axis in data.axes]] &= (data.explored[keep] != data.main_axis)[
+        :, None
+    ]
+    return keep, counts
 
 
 def values_of(
@@ -145,7 +158,7 @@ def spoken(parameters: Mapping[str, Any]) -> str:
     return ", ".join(f"{bare[name]} {shown(name, value)}" for name, value in parameters.items())
 
 
-def solved_designs(bench: Workbench, study: Study) -> Solved:
+def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
     """The designs of `meta_model.data`, else those of the study's sweep, which are solved first.
 
     Raises:
@@ -171,7 +184,7 @@ def solved_designs(bench: Workbench, study: Study) -> Solved:
     return found
 
 
-def from_sweep(run: SweepRun) -> Solved:
+def from_sweep(run: SweepRun) -> SourcedDesigns:
     """The designs of a sweep that have data.
 
     Raises:
@@ -189,10 +202,10 @@ def from_sweep(run: SweepRun) -> Solved:
     designs, doubles = assembled(planned[0].family.kind, constants, data, labels, "the sweep", swept)
     inputs = {f"design{outcome.design.number}": outcome.key for outcome in done}
     missing = len(run.outcomes) - len(done)
-    return Solved(designs, inputs, f"the sweep's {total}", missing + doubles)
+    return SourcedDesigns(designs, inputs, f"the sweep's {total}", missing + doubles)
 
 
-def from_table(path: Path, family: str) -> Solved:
+def from_table(path: Path, family: str) -> SourcedDesigns:
     """The designs of a sweep's table, which holds no name of a family: the study's says what its parameters are.
 
     Raises:
@@ -203,7 +216,7 @@ def from_table(path: Path, family: str) -> Solved:
     constants = [dict(one.design.parameters) for one in data]
     designs, doubles = assembled(family, constants, data, labels, str(path))
     digest = "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
-    return Solved(designs, {"data": digest}, str(path), doubles)
+    return SourcedDesigns(designs, {"data": digest}, str(path), doubles)
 
 
 def assembled(
@@ -297,7 +310,7 @@ def _same_states(one: ModuleData, other: ModuleData) -> bool:
 
 
 def _one_family(
-    bench: Workbench, family: FamilyConfig, material: MaterialConfig | None, found: Solved
+    bench: Workbench, family: FamilyConfig, material: MaterialConfig | None, found: SourcedDesigns
 ) -> None:
     """The designs are of the study's family: their parameters are its own, joint, axes and actuation too."""
     known = list(parameters_of(family, material))

@@ -23,7 +23,7 @@ from pliant.pipeline.meta_model.cross_validation import (
     parts_of,
     scores_of,
 )
-from pliant.pipeline.meta_model.designs import Solved, solved_designs, trusted, values_of
+from pliant.pipeline.meta_model.designs import SourcedDesigns, solved_designs, trusted, values_of
 from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.workbench import Workbench, content
@@ -56,7 +56,7 @@ class MetaModelStage:
     """
 
     config: MetaModelConfig
-    solved: Solved
+    solved: SourcedDesigns
     laws: DesignLaws
     scores: Mapping[str, Scores]
     coverage: Mapping[str, Mapping[str, float]]
@@ -84,7 +84,7 @@ class MetaModelStage:
         return with_error(law, self.bars.bar(law, values, doubt).arrays())
 
 
-def meta_model_stage(bench: Workbench, study: Study, solved: Solved | None = None) -> MetaModelStage:
+def meta_model_stage(bench: Workbench, study: Study, solved: SourcedDesigns | None = None) -> MetaModelStage:
     """Fit the study's meta-model, or find it in the store; its designs are solved first where they must be.
 
     Raises:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +16,8 @@ from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.report.figures import style
-
-FLAT = 0.02  # of the curves' size: less than this out of the plane needs no second view
+from pliant.report.figures.stills import upright_planes
+from pliant.report.films import whole_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +46,7 @@ def backbone_picture(result: TaskResult) -> style.Png | None:
         lines = [Line(*one) for one in zip(loads, curves, rings, shades, strict=True)]
     else:
         return None
-    # world planes: x z and y z, as far as the curves have an extent
-    size = np.ptp(np.concatenate([line.points_m for line in lines]), axis=0)
-    planes = [(axis, 2) for axis in [k for k in (0, 1) if size[k] > FLAT * size.max()] or [0]]
+    planes = upright_planes(np.ptp(np.concatenate([line.points_m for line in lines]), axis=0))
     panels = [*(f"view{k}" for k in range(len(planes))), *(["apart"] if apart else [])]
     with style.canvas(620 * len(panels), 680, wspace=0.05) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels])
@@ -132,15 +128,8 @@ def backbone(run: StudyRun, path: Path) -> None:
             axes.set_ylim(1e3 * (middle[j] - half), 1e3 * (middle[j] + half))
             style.world_labels(axes, (i, j))
         figure.axes[0].legend(loc="best")
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-        os.close(handle)
-        partial = Path(name)
-        try:
+        with whole_file(path) as partial:
             figure.savefig(partial, format=path.suffix[1:].lower(), dpi=style.DPI)
-            partial.chmod(0o644)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
 
 
 def _draw_poses(

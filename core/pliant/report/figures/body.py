@@ -9,14 +9,15 @@ A piece without mirror planes is the whole module.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleShape
-from pliant.report.figures.rendering import Surface
+from pliant.report.figures.rendering import Surface, face_shapes
 
 STRAIGHT = 1e-7  # rad
 
@@ -59,7 +60,9 @@ class SectionShape:
         if abs(theta) < STRAIGHT:
             return np.eye(3), np.array([self.length_m, 0.0, 0.0])
         radius = self.length_m / theta
-        return _about_y(theta), np.array([radius * np.sin(theta), 0.0, radius * (np.cos(theta) - 1)])
+        return exp_map(np.array([0.0, theta, 0.0])), np.array(
+            [radius * np.sin(theta), 0.0, radius * (np.cos(theta) - 1)]
+        )
 
 
 def piece_angle(shape: ModuleShape, slides: bool = False) -> float:
@@ -88,13 +91,11 @@ def at_actuation(
     low = sections[order[int(np.floor(place))]]
     high = sections[order[int(np.ceil(place))]]
     part = place - np.floor(place)
-    return SectionShape(
-        (1 - part) * low.section + part * high.section,
-        (1 - part) * low.length_m + part * high.length_m,
-        low.faces,
-        (1 - part) * low.values + part * high.values,
-        low.lids,
-        low.mirrors,
+    return replace(
+        low,
+        section=(1 - part) * low.section + part * high.section,
+        length_m=(1 - part) * low.length_m + part * high.length_m,
+        values=(1 - part) * low.values + part * high.values,
     )
 
 
@@ -143,7 +144,7 @@ def finger(
     frame, origin, before = np.asarray(rotation, float), np.asarray(position, float), 0.0
     last = len(pieces) - 1
     for number, (piece, angle, turn) in enumerate(zip(pieces, joint_angles, turns, strict=True)):
-        frame, before = frame @ _about_x(turn - before), float(turn)
+        frame, before = frame @ exp_map(np.array([turn - before, 0.0, 0.0])), float(turn)
         half, reach = piece.end_pose(angle / 2)
         # the start section in the middle's frame is the mirror image of the end section
         middle = frame @ half
@@ -179,10 +180,7 @@ def _skin_stretch(rest: Array, deformed: Array, faces: IntArray, lid: NDArray[np
 
     Lids count only where no real skin does: what they show is a section, not a surface.
     """
-    s = np.array([0.0, 0.5, 1.0])[:, None]
-    L, D = np.eye(3), np.hstack([4 * s - 3, 4 - 8 * s, 4 * s - 1])
-    dA = np.einsum("qb,pa->qpba", L, D).reshape(9, 9)
-    dB = np.einsum("qb,pa->qpba", D, L).reshape(9, 9)
+    _, dA, dB, _ = face_shapes((3, 3))
 
     def metric(points: Array) -> Array:
         tangents = np.stack([dA @ points[faces], dB @ points[faces]], axis=-1)
@@ -198,13 +196,3 @@ def _skin_stretch(rest: Array, deformed: Array, faces: IntArray, lid: NDArray[np
     total = np.bincount(faces.ravel(), weight * largest.ravel(), minlength=len(rest))
     count = np.bincount(faces.ravel(), weight, minlength=len(rest))
     return np.asarray(total / np.maximum(count, 1e-9))
-
-
-def _about_y(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def _about_x(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])

@@ -39,24 +39,17 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
     rows, columns = grid(len(names), COLUMNS)
     words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
     with style.canvas(max(460 * columns, 900), 430 * rows + 90, pad=(0.05, 0.04), wspace=0.03) as figure:
-        ratios = [3.0, 1.25] * rows
-        axes = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": ratios})
+        pairs = _pairs(figure, len(names), columns, (3.0, 1.25))
         shown = [run.name in names for run in compared.measurement.runs]
         errors = [r[output] for r, show in zip(compared.residuals, shown, strict=True) if show]
         sizes = np.abs(_finite(np.concatenate(errors)))
         high = float(np.quantile(sizes, 0.998)) if len(sizes) else 1.0
         reach = 1.12 * max(high, 2.4 * floor if np.isfinite(floor) else 0.0, 1e-12) * words.factor
-        values = [v for name in names for v in (one[output] for one in _readings(compared, name))]
-        flat = _finite(np.concatenate(values) * words.factor)
+        both = [(run.outputs[output], model[output]) for run, model in map(compared.run, names)]
+        flat = _finite(np.concatenate([values for pair in both for values in pair]) * words.factor)
         ends = (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 1.0)
         margin = 0.06 * max(ends[1] - ends[0], 1e-9)
-        for place in range(rows * columns):
-            top, bottom = axes[2 * (place // columns) : 2 * (place // columns) + 2, place % columns]
-            if place >= len(names):
-                top.set_axis_off()
-                bottom.set_axis_off()
-                continue
-            name = names[place]
+        for place, (name, (top, bottom)) in enumerate(zip(names, pairs, strict=True)):
             bottom.sharex(top)
             _run(top, bottom, compared, name, output, words, BAND * floor * words.factor)
             style.heading(top, compared.title(name), fitting(compared.words(name), 44))
@@ -65,8 +58,21 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
             _label_pair(top, bottom, words, place % columns)
             if place >= len(names) - columns:
                 bottom.set_xlabel(clock(compared.run(name)[0])[1])
-        style.legend_above(figure, axes[0, 0])
+        style.legend_above(figure, pairs[0][0])
         return style.png(figure)
+
+
+def _pairs(
+    figure: Any, count: int, columns: int, heights: tuple[float, float], **shared: Any
+) -> list[tuple[Any, Any]]:
+    """So many panels above one another in rows of `columns`; places that are left stay empty."""
+    rows = -(-count // columns)
+    ratios = {"height_ratios": heights * rows}
+    axes = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw=ratios, **shared)
+    pairs = [(top, bottom) for row in range(rows) for top, bottom in axes[2 * row : 2 * row + 2].T]
+    for panel in np.ravel(pairs[count:]):
+        panel.set_axis_off()
+    return pairs[:count]
 
 
 def _run(
@@ -100,11 +106,6 @@ def _label_pair(top: Any, bottom: Any, words: NamedUnit, column: int) -> None:
         panel.tick_params(labelleft=column == 0)
 
 
-def _readings(compared: Compared, name: str) -> tuple[Any, Any]:
-    run, model = compared.run(name)
-    return run.outputs, model
-
-
 def _finite(values: Array) -> Array:
     return values[np.isfinite(values)]
 
@@ -125,29 +126,22 @@ def loops(compared: Compared, output: str) -> style.Png | None:
     rows, columns = grid(len(worst), COLUMNS)
     up, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
     with style.canvas(max(460 * columns, 900), 600 * rows + 90, pad=(0.05, 0.04)) as figure:
-        ratios = {"height_ratios": [2.2, 1.3] * rows}
-        axes = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, gridspec_kw=ratios)
-        for place in range(rows * columns):
-            top, bottom = axes[2 * (place // columns) : 2 * (place // columns) + 2, place % columns]
-            if place >= len(worst):
-                top.set_axis_off()
-                bottom.set_axis_off()
-                continue
+        pairs = _pairs(figure, len(worst), columns, (2.2, 1.3), sharex=True)
+        for place, (condition, (top, bottom)) in enumerate(zip(worst, pairs, strict=True)):
             last = place + columns >= len(worst)
             if np.isfinite(floor):
                 bottom.axhspan(-2 * floor * up.factor, 2 * floor * up.factor, color=LOOP_BAND, lw=0)
             bottom.axhline(0, color=style.SERIES[0], lw=1.0)
-            _loop(top, bottom, compared, worst[place], driver, output, (across, up))
-            title = fitting(with_ratio(worst[place]), 32)
-            style.heading(top, title, fitting(worst[place].words, 44))
+            _loop(top, bottom, compared, condition, driver, output, (across, up))
+            style.heading(top, fitting(with_ratio(condition), 32), fitting(condition.words, 44))
             _label_pair(top, bottom, up, place % columns)
             top.tick_params(labelbottom=False)
             bottom.tick_params(labelbottom=last)
             if last:
                 bottom.set_xlabel(across.axis)
-        for half in (0, 1):
-            style.one_height([axes[2 * (k // columns) + half, k % columns] for k in range(len(worst))])
-        style.legend_above(figure, axes[:2, 0])
+        for half in zip(*pairs, strict=True):
+            style.one_height(half)
+        style.legend_above(figure, pairs[0])
         return style.png(figure)
 
 

@@ -89,7 +89,7 @@ def design_bars(fitted: MetaFitted) -> style.Png:
         axes = figure.subplots()
         axes.plot([45, 100], [45, 100], color=style.SOFT, lw=1.1, zorder=1, label="as stated")
         lowest = 45.0
-        for place, found in fitted.coverage.items():
+        for place, found in fitted.stage.coverage.items():
             levels = np.array([float(level) for level in found])
             covered = 100 * np.array(list(found.values()))
             colour, marker = LOOKS.get(place, (style.SERIES[2], "v"))

@@ -52,15 +52,15 @@ def states_picture(data: ModuleData) -> style.Png:
         for place in grid[len(panels) :]:
             place.set_axis_off()
         shown = (Normalize(0.0, p_unit.factor * (float(data.actuation.max()) or 1.0)), style.pressure_map())
-        label = f"{actuation_word(data)} ({p_unit.symbol})"
-        style.colour_bar(figure, shown, label, ax=grid.tolist(), fraction=0.03, pad=0.015)
+        style.colour_bar(figure, shown, actuation_words(data), ax=grid.tolist(), fraction=0.03, pad=0.015)
         _legend(figure, data)
         return style.png(figure)
 
 
-def actuation_word(data: ModuleData | FemDataset) -> str:
-    """What drives the module, in a word."""
-    return "tendon force" if data.actuation_name == "tendon_force_n" else "pressure"
+def actuation_words(data: ModuleData | FemDataset) -> str:
+    """What drives the module with its unit, for an axis label."""
+    word = "tendon force" if data.actuation_name == "tendon_force_n" else "pressure"
+    return f"{word} ({actuation_unit(data.actuation_name).symbol})"
 
 
 def coordinate_words(data: ModuleData | FemDataset, axis: str) -> str:
@@ -86,7 +86,7 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
     axes.plot(p, u, color=style.SOFT, lw=1.1, zorder=2)
     state_points(axes, free, free.actuation * p_unit.factor, free.angle_rad * u_unit.factor, norm)
     axes.set(
-        xlabel=f"{actuation_word(data)} ({p_unit.symbol})",
+        xlabel=actuation_words(data),
         ylabel=coordinate_words(data, data.main_axis),
         title="Free branch: nothing holds the module",
     )
@@ -183,7 +183,7 @@ def _plane(axes: Any, data: ModuleData, name: str) -> None:
     axes.margins(0.06)
     axes.set(
         xlabel=coordinate_words(data, name),
-        ylabel=f"{actuation_word(data)} ({p_unit.symbol})",
+        ylabel=actuation_words(data),
         title="Where the states lie, in the order of choice",
     )
 

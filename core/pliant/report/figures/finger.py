@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +13,11 @@ from pliant.records.design import Array
 from pliant.report.figures import body, rendering, style
 from pliant.report.figures.law import draw_law
 from pliant.report.figures.module import can_show, show, stretch_bar, stretch_limits
-from pliant.report.figures.stills import draw_side
-from pliant.report.folder import FinishedRun
+from pliant.report.figures.stills import FLAT, draw_side
+from pliant.report.folder import EngineResult, FinishedRun
 from pliant.report.run_view import (
-    Ran,
     actuation,
+    actuation_text,
     base_pose,
     chain_config,
     distances_m,
@@ -24,7 +25,6 @@ from pliant.report.run_view import (
     history_levels,
     module_designs,
     payload_kg,
-    ran,
     rest_markers,
 )
 
@@ -48,7 +48,7 @@ class Bodies:
 def finger_picture(run: FinishedRun) -> style.Png:
     """Body, law and poses in one wide picture; what the run does not have is left out."""
     bodies = finger_bodies(run)
-    panels = [*(["body"] if bodies else []), "law", *(["pose"] if ran(run) else [])]
+    panels = [*(["body"] if bodies else []), "law", *(["pose"] if run.engines else [])]
     ratios = {"body": 1.5, "law": 1.0, "pose": 1.0}
     width = WIDTH_PX if len(panels) == 3 else 620 * len(panels)
     with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560, pad=(0.08, 0.09), wspace=0.03) as figure:
@@ -56,12 +56,12 @@ def finger_picture(run: FinishedRun) -> style.Png:
         if bodies:
             draw_bodies(figure, axes["body"], run, bodies)
         draw_law(axes["law"], run, run.designs[0], compact=True)
-        if ran(run) and ran(run)[0].result.stills:
-            draw_side(axes["pose"], ran(run)[0].result.stills[-1])
-        elif ran(run):
+        if run.engines and run.engines[0].result.stills:
+            draw_side(axes["pose"], run.engines[0].result.stills[-1])
+        elif run.engines:
             draw_poses(axes["pose"], run, views(run)[0])
-            if len(ran(run)) > 1:
-                axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(ran(run))} engines")
+            if len(run.engines) > 1:
+                axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(run.engines)} engines")
         return style.png(figure)
 
 
@@ -71,7 +71,7 @@ def finger_bodies(run: FinishedRun) -> Bodies | None:
     Each module has the free FEM shape at the present pressure, bent to its joint's angle in the first engine.
     """
     data = [d.fem for d in run.designs]
-    modules, given, engines = module_designs(run), actuation(run), ran(run)
+    modules, given, engines = module_designs(run), actuation(run), run.engines
     chain = chain_config(run)
     planar = all(d.law.joint == "revolute" and d.law.axes == ("y",) for d in run.designs)
     if not engines or modules is None or given is None or chain is None or len(chain.actuators) > 1:
@@ -125,10 +125,8 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     inset.tick_params(labelsize=8)
     inset.xaxis.label.set_size(8)
     inset.xaxis.set_label_position("top")
-    given = actuation(run)
-    pressure = actuation_unit(given[0]).text(given[1]) if given else ""
     count = len(bodies.path) - 1
-    axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and at {pressure}")
+    axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and{actuation_text(run)}")
 
 
 def finger_camera(run: FinishedRun) -> rendering.Camera:
@@ -144,14 +142,13 @@ def finger_camera(run: FinishedRun) -> rendering.Camera:
 
 
 LEVELS = 4  # faint poses on the way to the full actuation
-FLAT = 0.02  # of the chain's size: less than this out of the plane needs no second view
 SHOWN_DECADES = 1e-5  # of the largest distance: smaller ones are rounding
 MARKS = ("o", "s", "^", "D", "v", "P")
 
 
 def chain_pose(run: FinishedRun) -> style.Png:
     """One or two projections of the poses, and the distances of the markers to the first engine's."""
-    engines = ran(run)
+    engines = run.engines
     planes = views(run)
     several = len(engines) > 1
     panels = [*(f"view{n}" for n in range(len(planes))), *(["apart"] if several else [])]
@@ -178,7 +175,7 @@ def views(run: FinishedRun) -> list[tuple[int, int]]:
 
 def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool = True) -> None:
     """Rest pose in grey, levels on the way faint, then every engine's settled pose, in mm."""
-    engines = ran(run)
+    engines = run.engines
     rest = rest_markers(run)
     if rest is not None:
         line: dict[str, Any] = {"color": style.FAINT, "lw": 3.2, "zorder": 1, "solid_capstyle": "round"}
@@ -196,14 +193,12 @@ def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool
     axes.margins(0.1)
     style.world_labels(axes, plane)
     _annotate(axes, run, engines[0], plane)
-    given = actuation(run)
-    title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     if legend:
-        axes.set_title(f"Settled pose{title}")
+        axes.set_title(f"Settled pose{actuation_text(run)}")
         axes.legend(loc="best", handlelength=2.6)
 
 
-def draw_distances(axes: Any, engines: list[Ran]) -> None:
+def draw_distances(axes: Any, engines: Sequence[EngineResult]) -> None:
     """Distance of each marker to the first engine's, on a logarithmic scale."""
     distances = distances_m(engines)
     worst = max(float(d.max()) for d in distances)
@@ -229,7 +224,7 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
     axes.legend(loc="lower right")
 
 
-def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
+def _levels(axes: Any, run: FinishedRun, engine: EngineResult, plane: tuple[int, int]) -> None:
     """Faint poses at lower levels; a level is labelled where its tip is clear of those labelled before."""
     unit = actuation_unit(run.designs[0].law.actuation_name)
     labelled = [np.array([v[-1] for v in style.flat(engine.markers_m, plane)])]
@@ -252,7 +247,7 @@ def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) ->
         )
 
 
-def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
+def _beside(tip: Any, engine: EngineResult, plane: tuple[int, int]) -> float:
     """Distance of a point from the settled chain, mm."""
     x, y = (np.asarray(c, float) for c in style.flat(engine.markers_m, plane))
     start, along = np.stack([x, y], axis=1)[:-1], np.diff(np.stack([x, y], axis=1), axis=0)
@@ -261,7 +256,7 @@ def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
     return float(np.linalg.norm(start + part[:, None] * along - tip, axis=1).min())
 
 
-def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
+def _annotate(axes: Any, run: FinishedRun, engine: EngineResult, plane: tuple[int, int]) -> None:
     """Base, tip with its coordinates, payload, direction of gravity."""
     x, y = style.flat(engine.markers_m, plane)
     axes.plot(x[0], y[0], marker="s", ms=11, color=style.INK, zorder=9)
@@ -280,5 +275,5 @@ def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) 
 
 def _all_points(run: FinishedRun) -> Array:
     rest = rest_markers(run)
-    sets = [r.markers_m for r in ran(run)] + ([rest] if rest is not None else [])
+    sets = [r.markers_m for r in run.engines] + ([rest] if rest is not None else [])
     return np.concatenate(sets)

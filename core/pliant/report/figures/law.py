@@ -15,7 +15,7 @@ from pliant.records.law import JointLaw
 from pliant.report.figures import style
 from pliant.report.figures.fem import Groups, state_points
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.run_view import actuation, band_of, law_of, main_axis, ran, study_form, study_form_effort
+from pliant.report.run_view import actuation, band_of, law_of, main_axis, study_form, study_form_effort
 
 CURVES = 7  # levels that are drawn where the data have more
 MANY = 400  # states beyond which points are drawn small
@@ -181,7 +181,7 @@ def angle_range(run: FinishedRun, design: DesignResult) -> tuple[float, float]:
         return float(u.min()), float(u.max())
     axis = main_axis(design.law)
     low, high = (float(v) for v in design.law.domain.deformation[axis])
-    used = [r.result.final.joint_angles[:, axis] for r in ran(run)]
+    used = [r.result.final.joint_angles[:, axis] for r in run.engines]
     largest = max((float(np.abs(u).max()) for u in used), default=FALLBACK_ANGLE) or FALLBACK_ANGLE
     return (low if np.isfinite(low) else -0.5 * largest), (high if np.isfinite(high) else 1.2 * largest)
 

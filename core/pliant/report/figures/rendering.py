@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 from matplotlib.colors import Colormap, to_rgb
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, minimum_filter
+from scipy.ndimage import gaussian_filter, generate_binary_structure, maximum_filter, minimum_filter
 
+from pliant.meshing.hexahedra import lagrange
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
@@ -84,14 +85,10 @@ def _outline(depth: Image, covered: NDArray[np.bool_]) -> Image:
     """1 where a neighbour is much nearer or where the body ends."""
     step = 0.03 * max(covered.shape)
     filled = np.where(covered, depth, -1e9)
-    mark = np.zeros(covered.shape, bool)
-    for axis in (0, 1):
-        jump = np.abs(np.diff(filled, axis=axis)) > step
-        first = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
-        second = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
-        mark[first] |= jump
-        mark[second] |= jump
-    return (mark & covered).astype(np.float32)
+    cross = generate_binary_structure(2, 1)
+    around = [found(filled, footprint=cross) for found in (minimum_filter, maximum_filter)]
+    jump = np.maximum(filled - around[0], around[1] - filled) > step
+    return (jump & covered).astype(np.float32)
 
 
 def reduced(image: Image, fine: int) -> Image:
@@ -249,7 +246,7 @@ def _not_hidden(corner: Image, columns: int, rows: int) -> NDArray[np.bool_]:
     pixel, sample = _all_samples(small, few_columns, few_rows, edges=False)
     depth = _nearest(pixel, sample[0], few_rows * few_columns).reshape(few_rows, few_columns)
     farthest = minimum_filter(depth, 3, mode="constant", cval=-np.inf)
-    N, *_ = _tabulated((5, 5))
+    N, *_ = face_shapes((5, 5))
     x, y, z = (N @ small[..., i].T for i in range(3))
     column, row = np.clip(x, 0, few_columns - 1).astype(int), np.clip(y, 0, few_rows - 1).astype(int)
     return np.asarray((z >= farthest[row, column] - 2).any(axis=0))
@@ -257,7 +254,7 @@ def _not_hidden(corner: Image, columns: int, rows: int) -> NDArray[np.bool_]:
 
 def _may_be_seen(corner: Image) -> NDArray[np.bool_]:
     """Faces (g, 9, 4) that look at the viewer at one of their nodes at least."""
-    _, dA, dB, _ = _tabulated((3, 3))
+    _, dA, dB, _ = face_shapes((3, 3))
     a, b = dA @ corner[..., :2], dB @ corner[..., :2]
     return np.asarray((a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0] > 0).any(axis=1))
 
@@ -280,7 +277,7 @@ def _samples(
 
     Returns pixels (q,) and (6, q): depth, normal (three, any length), value, distance to the face's border.
     """
-    N, dA, dB, parameter = _tabulated(count)
+    N, dA, dB, parameter = face_shapes(count)
     x, y, z, value = (corner[..., i].T for i in range(4))
     Ax, Ay, Az, Bx, By, Bz = dA @ x, dA @ y, dA @ z, dB @ x, dB @ y, dB @ z
     column, row = (N @ x).astype(np.int32), (N @ y).astype(np.int32)
@@ -295,16 +292,11 @@ def _samples(
 
 
 @cache
-def _tabulated(count: tuple[int, int]) -> tuple[Image, Image, Image, Image]:
+def face_shapes(count: tuple[int, int]) -> tuple[Image, Image, Image, Image]:
     """Biquadratic shape functions and slopes (q, 9) at a grid of parameters (q, 2) in [0, 1]."""
-    (sa, La, Da), (sb, Lb, Db) = (_lagrange(n) for n in count)
+    sa, sb = (np.linspace(0, 1, n) for n in count)
+    (La, Da), (Lb, Db) = lagrange(sa), lagrange(sb)
     tables = [np.einsum("qb,pa->qpba", v, u).reshape(-1, 9) for u, v in ((La, Lb), (Da, Lb), (La, Db))]
     b, a = np.meshgrid(sb, sa, indexing="ij")
     N, dA, dB = (t.astype(np.float32) for t in tables)
     return N, dA, dB, np.stack([a.ravel(), b.ravel()], axis=1).astype(np.float32)
-
-
-def _lagrange(count: int) -> tuple[Array, Array, Array]:
-    s = np.linspace(0, 1, count)
-    values = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
-    return s, values, np.stack([4 * s - 3, 4 - 8 * s, 4 * s - 1], axis=1)

@@ -35,9 +35,7 @@ def search_answer(read: SearchView) -> style.Png | None:
         axes = figure.subplots()
         for row, axis in enumerate(shown):
             axes.plot([0, 1], [row, row], color="#e3e7ee", lw=7, solid_capstyle="round", zorder=1)
-            for end, value, side in ((0, axis.low, "right"), (1, axis.high, "left")):
-                look = {"fontsize": 8, "color": style.SOFT, "va": "center", "ha": side}
-                style.note(axes, axis.tick(value), (end, row), (16 * end - 8, 0), **look)
+            _ends(axes, axis, row, 8, fontsize=8, color=style.SOFT)
             if steps := discrete(axis):
                 look = {"color": style.SOFT, "ms": 7, "mew": 1.0, "zorder": 2}
                 axes.plot(axis.share(np.array(steps)), [row] * len(steps), "|", **look)
@@ -49,6 +47,13 @@ def search_answer(read: SearchView) -> style.Png | None:
         if several and len(best) <= MOST_MARKED:
             figure.legend(loc="outside lower center", ncols=min(4, len(best)))
         return style.small_png(figure)
+
+
+def _ends(axes: Any, axis: Axis, level: int, apart: float, **look: Any) -> None:
+    """The ends of a range beside its bar, so many points apart."""
+    for end, value, side in ((0, axis.low, "right"), (1, axis.high, "left")):
+        place = (end, level), (apart * (2 * end - 1), 0)
+        style.note(axes, axis.tick(value), *place, ha=side, va="center", **look)
 
 
 def _marked_design(
@@ -75,7 +80,7 @@ def discrete(axis: Axis, most: int = 24) -> list[float]:
     """The values of an integer or of choices, where there are few."""
     if axis.choices:
         return [float(k) for k in range(len(axis.choices))]
-    if axis.type == "integer" and axis.high - axis.low < most:
+    if axis.variable.type == "integer" and axis.high - axis.low < most:
         return np.arange(axis.low, axis.high + 0.5).tolist()
     return []
 
@@ -108,7 +113,7 @@ def search_parallel(read: SearchView) -> style.Png | None:
         for level, axis in enumerate(axes_of):
             _parallel_axis(axes, axis, level)
         scale.draw(axes, len(axes_of))
-        _rows(axes, [*(a.title for a in axes_of), read.objective.title], LABEL_OF_PARALLEL)
+        _rows(axes, [*(a.title for a in axes_of), read.objective.unit.axis], LABEL_OF_PARALLEL)
         axes.get_yticklabels()[-1].set_fontweight("bold")
         axes.set(ylim=(len(places) - 0.5, -0.5), xlim=(-0.13, 1.13))
         axes.set_title(f"{len(rows)} of {int(read.ok.sum())} evaluated candidates, the best in orange")
@@ -189,9 +194,7 @@ def _parallel_axis(axes: Any, axis: Axis, level: int) -> None:
             look = {"ha": "center", "fontsize": 8, "zorder": 6, "bbox": box}
             style.note(axes, text, (float(axis.share(step)), level), (0, 8), **look)
         return
-    for end, value, side in ((0, axis.low, "right"), (1, axis.high, "left")):
-        look = {"ha": side, "va": "center", "color": style.INK}
-        style.note(axes, axis.tick(value), (end, level), (14 * end - 7, 0), **look)
+    _ends(axes, axis, level, 7, color=style.INK)
 
 
 LAST = 0.25  # of the search
@@ -215,6 +218,15 @@ def search_policy(read: SearchView) -> style.Png | None:
             axes.set_yticks(range(count), [textwrap.fill(n, LABEL_OF_POLICY) for n in read.result.conditions])
         panels[0].set_ylim(count - 0.4, -0.6)
         return style.small_png(figure)
+
+
+def variable_axis(axes: Any, axis: Axis, pad: float, width: int, bins: int) -> None:
+    """A variable along x: its range with a pad at both ends, choices by their names, `width` characters a line."""
+    axes.set_xlim(axis.low - pad, axis.high + pad)
+    if axis.choices:
+        axes.set_xticks(range(len(axis.choices)), [textwrap.fill(text, width) for text in axis.choices])
+    else:
+        axes.locator_params(axis="x", nbins=bins, integer=axis.variable.type == "integer")
 
 
 def last_rows(read: SearchView, context: int) -> NDArray[np.int64]:
@@ -245,12 +257,7 @@ def _condition_panel(axes: Any, read: SearchView, axis: Axis) -> None:
             axes.plot(
                 [at], [design.context], "*", ms=12, color=style.INK, mec="white", zorder=6, clip_on=False
             )
-    pad = 0.06 * (axis.high - axis.low) or 0.5
-    axes.set_xlim(axis.low - pad, axis.high + pad)
-    if axis.choices:
-        axes.set_xticks(range(len(axis.choices)), [textwrap.fill(text, 10) for text in axis.choices])
-    else:
-        axes.locator_params(axis="x", nbins=5, integer=axis.type == "integer")
+    variable_axis(axes, axis, 0.06 * (axis.high - axis.low) or 0.5, 10, 5)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.set_title(textwrap.fill(axis.title, 32), fontsize=9.5)

@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import number
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
 from pliant.report.figures import style
-from pliant.report.figures.stills import SIDE, TOP, draw_still, outline
+from pliant.report.figures.search_axes import variable_axis
+from pliant.report.figures.stills import SIDE, TOP, draw_still, outlines, upright_planes
 from pliant.report.figures.success_shares import Series, success_shares
-from pliant.report.search_files import Drawing
-from pliant.report.search_view import Axis, SearchView, measure_words
+from pliant.report.search_files import DrawnDesign
+from pliant.report.search_view import Axis, SearchView, measure_words, unit_of_measured
 
 MOST = 8
-FLAT = 0.02  # of the chain's size: less than this out of the plane needs no second view
 
 
-def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
+def search_designs(drawn: Sequence[DrawnDesign]) -> style.Png | None:
     """A column per design, a row per view; None without designs."""
     shown = drawn[:MOST]
     if not shown:
@@ -29,12 +28,10 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
     sets = [[one.result.final.markers_m, one.rest_m, _curve(one, "target_points_m")] for one in shown]
     for one, points in zip(shown, sets, strict=True):
         if one.result.stills:
-            still = one.result.stills[-1]
-            points[:] = [outline(s) for group in (*still.arms, *still.objects) for s in group]
+            points[:] = [outlines(one.result.stills[-1:])]
     inside = np.concatenate([np.asarray(s) for of_one in sets for s in of_one if s is not None])
     size, low, high = np.ptp(inside, axis=0), inside.min(axis=0), inside.max(axis=0)
-    planes = [p for p in (SIDE, (1, 2)) if size[p[0]] > FLAT * size.max()] or [SIDE]
-    planes = [SIDE, TOP] if all(d.result.stills for d in shown) else planes
+    planes = [SIDE, TOP] if all(d.result.stills for d in shown) else upright_planes(size)
     pad = 0.06 * float(size.max())
     width = 430 if len(shown) > 1 else 620
     with style.canvas(max(width * len(shown) + 90, 700), 500 * len(planes) + 60, pad=(0.06, 0.06)) as figure:
@@ -55,7 +52,7 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
         return style.png(figure)
 
 
-def _draw(axes: Any, one: Drawing, plane: tuple[int, int]) -> None:
+def _draw(axes: Any, one: DrawnDesign, plane: tuple[int, int]) -> None:
     if one.result.stills:
         draw_still(axes, one.result.stills[-1], plane)
         return
@@ -76,7 +73,7 @@ def _draw(axes: Any, one: Drawing, plane: tuple[int, int]) -> None:
     line(markers[:1], "s", ms=9, color=style.INK)
 
 
-def _curve(one: Drawing, name: str) -> Array | None:
+def _curve(one: DrawnDesign, name: str) -> Array | None:
     points = one.result.metrics.get(name)
     return None if points is None else np.array(points, float)
 
@@ -98,7 +95,7 @@ def search_slopes(read: SearchView) -> style.Png | None:
         for axes, slope in zip(panels, slopes, strict=True):
             _slope_panel(axes, read, best, slope, axes_of[slope.name])
         for axes in panels[::columns]:
-            axes.set_ylabel(textwrap.fill(read.objective.title, 22))
+            axes.set_ylabel(textwrap.fill(read.objective.unit.axis, 22))
         return style.small_png(figure)
 
 
@@ -120,17 +117,10 @@ def _slope_panel(axes: Any, read: SearchView, best: FoundDesign, slope: Slope, a
         look = {"color": style.WARN, "bbox": {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"}}
         place = {"xycoords": ("data", "axes fraction"), "ha": side, "fontsize": 8}
         style.note(axes, "at its bound", (edge, 0.9), (shift, 0), **place, **look)
-    pad = 0.05 * (axis.high - axis.low)
-    axes.set_xlim(axis.low - pad, axis.high + pad)
-    if axis.choices:
-        axes.set_xlim(-0.4, len(axis.choices) - 0.6)
-        axes.set_xticks(range(len(axis.choices)), [textwrap.fill(text, 9) for text in axis.choices])
-    else:
-        axes.locator_params(axis="x", nbins=4, integer=axis.type == "integer")
+    variable_axis(axes, axis, 0.4 if axis.choices else 0.05 * (axis.high - axis.low), 9, 4)
     axes.set_title(textwrap.fill(axis.title, LABEL), fontsize=9)
     if np.isfinite(slope.change):
-        change = f"{number(abs(slope.change) * read.objective.unit.factor, 2)} {read.objective.unit.symbol}"
-        axes.set_xlabel(f"{change.strip()} for 1 % of the range", fontsize=8)
+        axes.set_xlabel(f"{read.objective.unit.text(abs(slope.change), 2)} for 1 % of the range", fontsize=8)
 
 
 LOOKS = {"nominal": style.SERIES[1], "robust": style.SERIES[0]}
@@ -141,13 +131,11 @@ def search_robust(read: SearchView) -> style.Png | None:
     found = read.result.robustness
     if found is None or not found.spread:
         return None
-    factor, known = (
-        read.objective.unit.factor,
-        {
-            "nominal": (found.nominal_of_nominal, found.robust_of_nominal),
-            "robust": (found.nominal_of_robust, found.robust_of_robust),
-        },
-    )
+    factor = read.objective.unit.factor
+    known = {
+        "nominal": (found.nominal_of_nominal, found.robust_of_nominal),
+        "robust": (found.nominal_of_robust, found.robust_of_robust),
+    }
     with style.canvas(1500, 580, pad=(0.09, 0.06)) as figure:
         left, right = figure.subplots(1, 2)
         for row, (name, values) in enumerate(found.spread.items()):
@@ -173,7 +161,7 @@ def search_robust(read: SearchView) -> style.Png | None:
         right.set_yticks(range(len(found.spread)), [f"{name}\ndesign" for name in found.spread])
         right.set(ylim=(len(found.spread) - 0.45, -0.55), title=f"Each of {found.samples} scenarios")
         for axes in (left, right):
-            axes.set_xlabel(f"{read.objective.title}, {read.objective.best_word}")
+            axes.set_xlabel(f"{read.objective.unit.axis}, {read.objective.best_word}")
         figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
         return style.png(figure)
 
@@ -191,7 +179,7 @@ def search_verified(read: SearchView) -> style.Png | None:
     with style.canvas(max(430 * len(names), 900), 130 + 90 * len(engines) + 60, pad=(0.08, 0.06)) as figure:
         panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
         for axes, name in zip(panels, names, strict=True):
-            label, unit = read.metric(name)
+            unit = unit_of_measured(name)
             for row, engine in enumerate(engines):
                 both = (found.predicted[engine], found.verified[engine])
                 pair = [float(side.get(name, np.nan)) * unit.factor for side in both]
@@ -205,7 +193,7 @@ def search_verified(read: SearchView) -> style.Png | None:
             axes.set_ylim(len(engines) - 0.5, -0.5)
             axes.margins(x=0.25)
             axes.locator_params(axis="x", nbins=4)
-            axes.set_title(textwrap.fill(style.with_unit(label, unit), 28))
+            axes.set_title(textwrap.fill(unit.axis, 28))
         figure.legend(loc="outside lower center", ncols=2)
         return style.png(figure)
 

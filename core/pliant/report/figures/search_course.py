@@ -42,7 +42,7 @@ def search_history(read: SearchView) -> style.Png:
         each = " of its search" if branches > 1 else ""
         axes.set(
             xlabel=f"candidate{each}, in the order of evaluation",
-            ylabel=read.objective.title,
+            ylabel=read.objective.unit.axis,
             title=f"Objective of every candidate ({read.objective.best_word})",
         )
         figure.legend(loc="outside upper right", ncols=6, markerscale=1.6)
@@ -80,7 +80,7 @@ def branch_strip(read: SearchView) -> style.Png | None:
         if log_suits(values):
             (axes.set_xscale if few else axes.set_yscale)("log")
             style.log_labels(axes.xaxis if few else axes.yaxis)
-        (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.title}")
+        (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.unit.axis}")
         axes.set_title(f"Best of each of {len(found)} searches ({read.branch_title()})")
         return style.png(figure)
 
@@ -226,4 +226,4 @@ def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
         low, high = min(low, values.min()), max(high, values.max())
         pad = 0.06 * (high - low) or 1e-9
         limit(low - pad, high + pad)
-    axes.set(xlabel=f"{one.title}, {one.best_word}", ylabel=f"{other.title}, {other.best_word}")
+    axes.set(xlabel=f"{one.unit.axis}, {one.best_word}", ylabel=f"{other.unit.axis}, {other.best_word}")

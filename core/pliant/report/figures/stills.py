@@ -16,7 +16,13 @@ from pliant.report.figures import style
 
 ROUND = 48  # points on a circle
 SIDE, TOP = (0, 2), (0, 1)  # world axes (horizontal, vertical) of the views
+FLAT = 0.02  # of the size: less than this out of the plane needs no second view
 ARM, OBJECT = style.SERIES[0], style.SERIES[4]
+
+
+def upright_planes(size_m: Array) -> list[tuple[int, int]]:
+    """The planes x z and y z, as far as points of this extent (3,) need both."""
+    return [(k, 2) for k in (0, 1) if size_m[k] > FLAT * size_m.max()] or [SIDE]
 
 
 def still_pictures(stills: Sequence[SceneStill]) -> style.Png:
@@ -88,10 +94,15 @@ def outline(shape: Shape) -> Array:
     return np.asarray(local @ np.asarray(shape.rotation).T + shape.position_m)
 
 
+def outlines(stills: Sequence[SceneStill]) -> Array:
+    """Points (n, 3) of all that collides at these instants."""
+    groups = [group for still in stills for group in (*still.arms, *still.objects)]
+    return np.concatenate([outline(shape) for group in groups for shape in group])
+
+
 def _limits(stills: Sequence[SceneStill], axis: int) -> tuple[float, float]:
     """Range of a world axis over all instants, with a margin, mm."""
-    shapes = [s for still in stills for group in (*still.arms, *still.objects) for s in group]
-    points = 1e3 * np.concatenate([outline(shape)[:, axis] for shape in shapes])
+    points = 1e3 * outlines(stills)[:, axis]
     margin = 0.05 * float(np.ptp(points))
     return float(points.min()) - margin, float(points.max()) + margin
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -106,6 +106,12 @@ def stress_map() -> Colormap:
 def error_map() -> Colormap:
     """Colours of errors, pale where there are none; dark enough everywhere to be seen on paper."""
     return LinearSegmentedColormap.from_list("error", ["#f7ecc8", "#f2b563", "#dd6a4c", "#98305f", "#3b1150"])
+
+
+def decades(low: float, high: float) -> LogNorm:
+    """Whole decades, at least one, around positive values from `low` to `high`; colours end where they end."""
+    first, last = 10.0 ** np.floor(np.log10(low)), 10.0 ** np.ceil(np.log10(high))
+    return LogNorm(first, max(last, 10 * first), clip=True)
 
 
 def entry(label: str, marker: str, **look: Any) -> Line2D:

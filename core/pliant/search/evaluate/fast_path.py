@@ -17,11 +17,17 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.law_draws import draws
 from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, build_chain, family_module
-from pliant.pipeline.meta_model.designs import MATERIAL, NO_PART_IN_THE_LAW, Solved, solved_designs, values_of
+from pliant.pipeline.meta_model.designs import (
+    MATERIAL,
+    NO_PART_IN_THE_LAW,
+    SourcedDesigns,
+    solved_designs,
+    values_of,
+)
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.simulate import check_capabilities, run_task
 from pliant.pipeline.study import (
-    Design,
+    DesignSpec,
     DesignStages,
     chain_segments,
     distinct_designs,
@@ -87,7 +93,7 @@ class CachedLaws:
 
     def __init__(self, bench: Workbench, study: Study) -> None:
         self._bench, self._study = bench, study
-        self._solved: Recent[Solved] = Recent(4)
+        self._solved: Recent[SourcedDesigns] = Recent(4)
         self._metas: Recent[MetaModelStage] = Recent(4)
         self._own: Recent[DesignStages] = Recent(MOST_DESIGNS)
         self._laws: Recent[JointLaw] = Recent(MOST_DESIGNS)
@@ -136,7 +142,7 @@ class CachedLaws:
         # The designs are those of the study that is searched, whatever the candidate's own parameters are.
         return self._study.model_copy(update={"meta_model": study.meta_model})
 
-    def _solved_designs(self, study: Study) -> Solved:
+    def _solved_designs(self, study: Study) -> SourcedDesigns:
         return self._solved.get(
             repr(study.meta_model), lambda: solved_designs(self._bench, self._base(study))
         )
@@ -155,7 +161,7 @@ class CachedLaws:
         # The error bar takes longer than the law and changes no simulation.
         return self._laws.get(key, lambda: meta.law(values) if with_error else meta.laws.law(values))
 
-    def _once(self, study: Study, design: Design) -> JointLaw:
+    def _once(self, study: Study, design: DesignSpec) -> JointLaw:
         waits = needs_fem(self._bench, design)
         key = design.name + (repr((study.material, study.fem)) if waits else "")
         if waits and key not in self._fem_of:

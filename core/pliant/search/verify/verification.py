@@ -13,7 +13,7 @@ from pliant.errors import PliantError, interrupted
 from pliant.execution.progress import bar_of
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
-from pliant.pipeline.meta_model.designs import parameters_of, spoken, trusted
+from pliant.pipeline.meta_model.designs import parameters_of, scored_states, spoken
 from pliant.pipeline.simulate import simulate_stage
 from pliant.pipeline.study import DesignStages, chain_of_study, laws_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
@@ -197,13 +197,10 @@ def law_errors(law: JointLaw, data: ModuleData, name: str = "") -> dict[str, Any
         (N·m, or N); `n_states`; `n_outside`: those of them outside the law's own domain; `in_band`: share of the
         states inside the law's 90 % band, NaN where it states none; `axes`: axis → its own shares and `n_states`.
     """
-    keep = trusted(data)
+    keep, counts = scored_states(data)
     order = [data.axes.index(axis) for axis in law.axes]
     p, u, tau = data.actuation[keep], data.deformation[keep][:, order], data.tau[keep][:, order]
-    # A state tells of an axis: of lateral ones only where they are explored or all axes are held.
-    lateral = data.explored[keep] != data.main_axis
-    columns = [np.ones(len(p), bool) if axis == data.main_axis else lateral for axis in law.axes]
-    counts = np.stack(columns, axis=1) & np.isfinite(tau)
+    counts = counts[:, order]
     if not counts.any():
         return {"name": name, "n_states": 0, "axes": {}}
     miss = law.evaluate(p, u).tau - tau

@@ -23,7 +23,7 @@ CHOSEN, NOT_CHOSEN = 0.75, 0.25  # where a guess puts the coordinates of a choic
 
 
 @dataclass(frozen=True)
-class Axis:
+class EncodedVariable:
     """A variable and the coordinates that encode it; `size` 0 where there is nothing to choose."""
 
     variable: Variable
@@ -65,7 +65,7 @@ class Encoding:
         least_std: (n,) lower limit of the standard deviation; 0 for none.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[EncodedVariable, ...]
     high: Array
     whole: tuple[int, ...]
     least_std: Array
@@ -73,12 +73,12 @@ class Encoding:
     @classmethod
     def of(cls, variables: Sequence[Variable]) -> Encoding:
         """The encoding of a space's variables."""
-        axes: list[Axis] = []
+        axes: list[EncodedVariable] = []
         n = 0
         for v in variables:
             count = len(v.choices)
             size = (count - (count < 3)) if v.type == "categorical" else int(v.high > v.low)
-            axes.append(Axis(v, n, size))
+            axes.append(EncodedVariable(v, n, size))
             n += size
         high, least = np.ones(max(n, 2)), np.zeros(max(n, 2))
         for axis in axes:
@@ -119,7 +119,7 @@ class Encoding:
         return {axis.variable.name: axis.value(x) for axis in self.axes}
 
 
-class Run:
+class CmaRun:
     """One run of pycma, from its first mean until it stops by itself: with bounds, whole numbers and random numbers of
     its own.
 
@@ -277,7 +277,7 @@ class Cmaes(Optimizer):
         self._runs = index
         guess = self._encoding.encoded(self._space.start) if index == 0 else None
         sigma = min(self.config.sigma, self._space.spread or 1.0) if index == 0 else self.config.sigma
-        self._run = Run(self._encoding, guess, sigma, self.batch, (self._seed, index))
+        self._run = CmaRun(self._encoding, guess, sigma, self.batch, (self._seed, index))
         self._history: list[tuple[int, tuple[float, ...]]] = []
         self._surplus: list[Member] = []
         self._results = {}

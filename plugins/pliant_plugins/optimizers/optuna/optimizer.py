@@ -21,7 +21,7 @@ from optuna.trial import FrozenTrial
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
-from pliant_plugins.optimizers.optuna.trials import CANDIDATE, Memory, distributions, quiet, shown
+from pliant_plugins.optimizers.optuna.trials import CANDIDATE, TrialMemory, distributions, quiet, shown
 
 EXPORT = "optuna.log"
 OWNER = "pliant_search"  # user attribute of a study: which search writes it
@@ -160,7 +160,7 @@ class Optuna(Optimizer):
 
     capabilities = OptimizerCapabilities(several_objectives=True)
     config: OptunaConfig
-    _memory: Memory
+    _memory: TrialMemory
     _told: list[Learned]
     _board: Board | None
 
@@ -251,7 +251,7 @@ class Optuna(Optimizer):
     def _begin(self, space: Space, seed: int) -> None:
         self._space, self._seed, self._asked = space, seed, 0
         self._ranges = distributions(space)
-        self._memory = Memory(space, constraints=self.config.sampler not in UNCONSTRAINED)
+        self._memory = TrialMemory(space, constraints=self.config.sampler not in UNCONSTRAINED)
         self._told = []
         self._board = None
 

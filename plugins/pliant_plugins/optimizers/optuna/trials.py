@@ -90,7 +90,7 @@ def shown(
     )
 
 
-class Memory:
+class TrialMemory:
     """A study of Optuna without a storage; trial k is candidate k.
 
     A sampler ignores trials that Optuna calls failed, and would propose their like again. So a failed or refused

@@ -26,7 +26,7 @@ LEVELS = {1: 41, 2: 13, 3: 7}
 
 
 @dataclass(frozen=True, eq=False)
-class Continuation:
+class NetworkContinuation:
     """Π̃(p, u) = N(p̃, ũ) − (p − p̃) G·u + Σ_i B_i(δ_i), N being the network's energy.
 
     δ is how far outside the box a coordinate lies, and x̃ = x̂ + L tanh(δ/L) bends it so that the network is seen no
@@ -65,7 +65,7 @@ class Continuation:
         return inside + self.reach * bent, 1 - bent * bent, excess
 
 
-def continue_(network: Network, box: Array) -> Continuation:
+def continue_(network: Network, box: Array) -> NetworkContinuation:
     """The continuation of a network outside box (1 + k, 2), with the largest reach that keeps it stable."""
     half = np.ptp(box, axis=1) / 2
     levels = LEVELS[network.n_axes]
@@ -79,7 +79,7 @@ def continue_(network: Network, box: Array) -> Continuation:
     rest = np.clip(np.zeros(network.n_axes), box[1:, 0], box[1:, 1])
     gain = np.array([network.efforts(np.array([[p, *rest]]))[1][0] for p in box[0]])
     stiffness, guard = _borders(network, box, reach, rest)
-    return Continuation(box, reach, gain, rest, stiffness, guard, inner)
+    return NetworkContinuation(box, reach, gain, rest, stiffness, guard, inner)
 
 
 def _borders(network: Network, box: Array, reach: Array, rest: Array) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ KIND = "neural"
 
 @dataclass(frozen=True, eq=False)
 class NeuralLaw(JointLaw):
-    """τ = −∂Π/∂u of `Network` inside the box and of `Continuation` outside: nothing gains energy anywhere.
+    """τ = −∂Π/∂u of `Network` inside the box and of `NetworkContinuation` outside: nothing gains energy anywhere.
 
     ∂τ_i/∂u_j = ∂τ_j/∂u_i to the last bit but rounding. numpy is all that it needs.
 
@@ -133,7 +133,7 @@ class NeuralLaw(JointLaw):
     joint: JointKind = "revolute"
     actuation_name: str = "pressure_pa"
     error: ErrorBar | None = None
-    outside: Continuation = field(init=False, repr=False)
+    outside: NetworkContinuation = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
@@ -186,7 +186,7 @@ class NeuralLaw(JointLaw):
         return NeuralLaw(Network(**arrays_of(record, *Network.__dataclass_fields__)), **shared_fields(record))
 
     def _energy(self, points: Array) -> Array:
-        """(n,) Π̃, see `Continuation`."""
+        """(n,) Π̃, see `NetworkContinuation`."""
         how = self.outside
         bent, _, excess = how.bend(points)
         energy = self.network.energy(bent)

@@ -1,6 +1,6 @@
 """The neural law as one plain function, for engines that compile it.
 
-`NeuralLaw.evaluate` is the same in numpy, and `Continuation` has the formulas. Nothing here allocates.
+`NeuralLaw.evaluate` is the same in numpy, and `NetworkContinuation` has the formulas. Nothing here allocates.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import Domain, LawRecord
 from pliant_plugins.surrogates.config import NeuralConfig
 from pliant_plugins.surrogates.neural.law import KIND, NeuralLaw
-from pliant_plugins.surrogates.neural.training import Scales, States, Stop, System, library, train
+from pliant_plugins.surrogates.neural.training import ResidualSystem, Scales, States, Stop, library, train
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.states import effort_ranges, split
 from pliant_plugins.surrogates.polynomial.system import joint_of
@@ -43,7 +43,7 @@ def error_bar(
     """
     torch = library()
     k = states.tau.shape[1]
-    system = System(torch, states, scales, units, np.ones((1, len(part)), bool))
+    system = ResidualSystem(torch, states, scales, units, np.ones((1, len(part)), bool))
     theta = torch.from_numpy(stop.parameters[0])
     jacobian, own = system.jacobian(theta[None])[0], system.values(theta, states.points)
     state = system.known // (2 * k + k * (k + 1) // 2)

@@ -52,7 +52,7 @@ class Scales:
         return float(np.max(self.ranges * self.half[1:]))
 
 
-class System:
+class ResidualSystem:
     """Residuals of the scaled states and their derivatives by the parameters θ (g, q) of g networks at once.
 
     Each network sees the states that its row of a mask (g, n) chooses. θ is, one after another, w (1 + k), b, c of
@@ -205,7 +205,7 @@ class Stop:
     Attributes:
         residuals: (g,) roots of the mean squares of the weighted residuals, as a share of the range.
         steps: (g,) taken so far.
-        parameters: (g, q) θ of `System`.
+        parameters: (g, q) θ of `ResidualSystem`.
     """
 
     decay: float
@@ -229,12 +229,12 @@ def train(states: States, scales: Scales, units: int, seed: int, seen: NDArray[n
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        yield from _train(torch, System(torch, states, scales, units, seen), seed)
+        yield from _train(torch, ResidualSystem(torch, states, scales, units, seen), seed)
     finally:
         torch.set_num_threads(threads)
 
 
-def _train(torch: Any, system: System, seed: int) -> Iterator[Stop]:
+def _train(torch: Any, system: ResidualSystem, seed: int) -> Iterator[Stop]:
     theta = system.start(seed)
     damping = torch.full((len(theta),), DAMPING, dtype=torch.float64)
     steps = torch.zeros(len(theta), dtype=torch.int64)
@@ -252,7 +252,7 @@ def _train(torch: Any, system: System, seed: int) -> Iterator[Stop]:
         yield Stop(decay, networks, residuals.numpy(), steps.numpy().copy(), theta.numpy().copy())
 
 
-def _step(torch: Any, system: System, theta: Any, damping: Any, weight: Any, going: Any) -> Any:
+def _step(torch: Any, system: ResidualSystem, theta: Any, damping: Any, weight: Any, going: Any) -> Any:
     """Move θ and dampings of the networks `going` in place; (g,) the share of its loss that each of them gained."""
     jacobian, residual = system.jacobian(theta[going], going), system.residual(theta[going], going)
     normal = jacobian.mT @ jacobian

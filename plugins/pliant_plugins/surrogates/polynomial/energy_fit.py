@@ -25,8 +25,8 @@ from pliant_plugins.surrogates.polynomial.energy import (
     main_sets,
     terms_of,
 )
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
-from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution, error_bar
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
+from pliant_plugins.surrogates.polynomial.energy_system import EnergySolution, EnergySystem, error_bar
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.states import MINIMUM_STATES, Mask, effort_ranges, split
@@ -168,7 +168,7 @@ class EnergyCandidate:
     terms: Exponents
     rmse: float
     rmse_se: float
-    solution: Solution
+    solution: EnergySolution
     largest_slope: Callable[[], float]
 
     @property
@@ -258,10 +258,10 @@ def _with_lateral(
     return chosen, candidates
 
 
-def law_of(system: EnergySystem, terms: Exponents, coefficients: Array) -> EnergyLaw:
+def law_of(system: EnergySystem, terms: Exponents, coefficients: Array) -> EnergyPolynomialLaw:
     """The law of a solution, without its terms of the actuation alone."""
     data, kept = system.data, terms[:, 1:].any(axis=1)
-    return EnergyLaw(
+    return EnergyPolynomialLaw(
         system.basis(terms[kept]),
         coefficients[kept],
         system.domain,
@@ -325,7 +325,7 @@ def _fewest(candidates: list[EnergyCandidate]) -> EnergyCandidate:
     return next((c for c in fewer if stable is None or c.largest_slope() < 0), best)
 
 
-def largest_slope(law: EnergyLaw, only: int | None = None) -> float:
+def largest_slope(law: EnergyPolynomialLaw, only: int | None = None) -> float:
     """Largest eigenvalue of ∂τ/∂u on a grid of the law's domain, N·m/rad: below zero where the law is stable.
 
     With `only`, ∂τ/∂u of that axis while the others are held at zero.

@@ -1,9 +1,9 @@
 """The law of a polynomial energy: one joint as a plain function for engines that compile it, many joints at once.
 
-`EnergyLaw`'s docstring has the formulas. The plain functions allocate nothing; laws of fewer than three axes are filled
-up with axes that no term contains. Of many points those in the box go through the terms side by side, the terms outside
-the loop over points, others one by one. Nothing of other files is called here: numba's cache on disk looks only at the
-file of a function. No operation is reordered or fused.
+`EnergyPolynomialLaw`'s docstring has the formulas. The plain functions allocate nothing; laws of fewer than three
+axes are filled up with axes that no term contains. Of many points those in the box go through the terms side by side,
+the terms outside the loop over points, others one by one. Nothing of other files is called here: numba's cache on
+disk looks only at the file of a function. No operation is reordered or fused.
 """
 
 from __future__ import annotations

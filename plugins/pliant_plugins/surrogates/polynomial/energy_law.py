@@ -40,7 +40,7 @@ UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @dataclass(frozen=True, eq=False)
-class Continuation:
+class EnergyContinuation:
     """Reaches in p (2,) and u (k,), bowls (k,) in N·m/rad and gains at the reference point (2, k)."""
 
     reach_p: Array
@@ -49,7 +49,7 @@ class Continuation:
     gains: Array
 
 
-def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: Continuation) -> Array:
+def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: EnergyContinuation) -> Array:
     """The parameters of `energy_kernel.energy_effort`; box (1 + k, 2). Terms of p alone are left out."""
     k, exponents = len(box) - 1, basis.exponents
     axes = np.tile([0.0, 1.0, -UNBOUNDED, UNBOUNDED, 1.0, 0.0], (3, 1))
@@ -79,7 +79,7 @@ def _monomials_of(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.
     return np.column_stack([coupled, monomials]).astype(float), place.ravel()
 
 
-def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> Continuation:
+def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> EnergyContinuation:
     """The smallest bowls, and then the reaches in p, with which half of the border's stiffness remains outside.
 
     Where the law is unstable on its border there is nothing to protect: bowls are those of a stable law's size.
@@ -87,7 +87,7 @@ def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> Continu
     k = len(box) - 1
     bounded = np.all(np.isfinite(box[1:]), axis=1, keepdims=True)
     half = np.ptp(np.where(bounded, box[1:], [-1.0, 1.0]), axis=1) / 2
-    tried = Continuation(np.full(2, np.inf), REACHES[0] * half, np.zeros(k), np.zeros((2, k)))
+    tried = EnergyContinuation(np.full(2, np.inf), REACHES[0] * half, np.zeros(k), np.zeros((2, k)))
     at_p = [p for p in np.clip(box[0], -UNBOUNDED, UNBOUNDED) if abs(p) < UNBOUNDED]
     if k > 1 and at_p:
         tried = _with_bowls(basis, coefficients, box, half, at_p, tried)
@@ -95,7 +95,7 @@ def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> Continu
     places = _places(box, tried.reach_u, BESIDE)
     sides = [_side(parameters, box, places, index) for index in (0, 1)]
     reach = np.array([limit for limit, _ in sides])
-    return Continuation(reach, tried.reach_u, tried.bowls, np.array([gain for _, gain in sides]))
+    return EnergyContinuation(reach, tried.reach_u, tried.bowls, np.array([gain for _, gain in sides]))
 
 
 def stiffness(parameters: Array, actuation: list[float], places: Array) -> Array:
@@ -107,8 +107,13 @@ def stiffness(parameters: Array, actuation: list[float], places: Array) -> Array
 
 
 def _with_bowls(
-    basis: EnergyBasis, coefficients: Array, box: Array, half: Array, at_p: list[float], plain: Continuation
-) -> Continuation:
+    basis: EnergyBasis,
+    coefficients: Array,
+    box: Array,
+    half: Array,
+    at_p: list[float],
+    plain: EnergyContinuation,
+) -> EnergyContinuation:
     """The continuation with bowls, all in proportion to the typical stiffness of their axis."""
     k = len(half)
     inner = stiffness(packed(basis, coefficients, box, plain), at_p, _places(box, half, ()))
@@ -202,7 +207,7 @@ NEGLIGIBLE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class EnergyLaw(JointLaw):
+class EnergyPolynomialLaw(JointLaw):
     """τ = −∂Π/∂u with Π(p, u) = Σ_t c_t φ_t(p, u), so that ∂τ_i/∂u_j = ∂τ_j/∂u_i everywhere.
 
     Π goes on outside the box of `domain`, so that τ stays C¹ in p and u and a gradient. With the excesses δ and
@@ -240,7 +245,7 @@ class EnergyLaw(JointLaw):
         slopes = found[:, 7:][:, UPPER[:k, :k].ravel()].reshape(-1, k, k)
         return Effort(found[:, 1 : 1 + k], found[:, 4 : 4 + k], slopes)
 
-    def pruned(self, ranges: Array) -> EnergyLaw:
+    def pruned(self, ranges: Array) -> EnergyPolynomialLaw:
         """The law without the terms that together change τ in the box by less than `NEGLIGIBLE` of `ranges` (k,)."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         maps = np.vstack([self.basis.actuation_map, self.basis.deformation_map])
@@ -317,9 +322,9 @@ class EnergyLaw(JointLaw):
         return law_record(KIND, self, arrays, form="energy")
 
     @staticmethod
-    def of_record(record: LawRecord) -> EnergyLaw:
+    def of_record(record: LawRecord) -> EnergyPolynomialLaw:
         """The law of a record; both evaluate to the same bits."""
         read = arrays_of(record, "coefficients", "actuation_map", "deformation_map")
         coefficients = read.pop("coefficients")
         basis = EnergyBasis(np.asarray(record.arrays["exponents"], np.int64), **read)
-        return EnergyLaw(basis, coefficients, **shared_fields(record))
+        return EnergyPolynomialLaw(basis, coefficients, **shared_fields(record))

@@ -29,7 +29,7 @@ WORST_CONDITION = 1e10
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class EnergySolution:
     """Coefficients (m,) in J; misses (n, k), predicted minus true τ, each place left out in turn.
 
     `doubts` (n, k) are the standard deviations foretold for the misses over the ranges, for rows with a noise of 1.
@@ -122,7 +122,7 @@ class EnergySystem:
             columns, self._right, self._state = self.rows(np.array(missing))
             self._columns.update(zip(missing, columns.T, strict=True))
 
-    def solve(self, terms: Exponents) -> Solution | None:
+    def solve(self, terms: Exponents) -> EnergySolution | None:
         """Least squares and the misses of places left out; None where the states do not determine all terms."""
         self.prepare([terms])
         matrix = np.column_stack([self._columns[tuple(t)] for t in terms.tolist()])
@@ -150,7 +150,7 @@ class EnergySystem:
             doubts[rows[told]] = np.sqrt(np.sum(vectors**2 / values, axis=1))[told]
         of_state = (len(self.ranges), n)
         weight = self.weights[:, None]
-        return Solution(
+        return EnergySolution(
             solution / sizes,
             misses.reshape(of_state).T * self.ranges / weight,
             doubts.reshape(of_state).T / weight,
@@ -180,7 +180,7 @@ REACH = 0.25
 FEWEST_SCORES = 10
 
 
-def error_bar(system: EnergySystem, terms: Exponents, solution: Solution) -> ErrorBar:
+def error_bar(system: EnergySystem, terms: Exponents, solution: EnergySolution) -> ErrorBar:
     """The bar whose shape is the predictive deviation of least squares (as `posterior.Posterior`).
 
     Scores are the misses of places left out over the deviation foretold for them, of all axes together: each axis

@@ -71,16 +71,8 @@ def axes_effort(
         start = table + rows * columns
 
 
-def shared(parameters: Array, share: float) -> Array:
-    """Parameters of the law whose actuation is `share` times what it is told."""
-    told, start = np.array(parameters, float), 0
-    while start < len(told):
-        for place in (2, 3, 6, 7, 10, 11):  # p₀, p₁, the box and the reaches in p
-            if abs(told[start + place]) < UNBOUNDED:
-                told[start + place] /= share
-        told[start + 12 : start + 14] *= share
-        start += HEADER + round(told[start]) * round(told[start + 1])
-    return told
+# Places in a block of what has the unit of the actuation (p₀, p₁, the box and the reaches in p) and of its inverse.
+ACTING, GAINS = (2, 3, 6, 7, 10, 11), slice(12, 14)
 
 
 def block(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -12,12 +13,13 @@ from pliant.mechanics.law_draws import error_tables
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
-from pliant_plugins.surrogates.continued import ContinuedLaw
-from pliant_plugins.surrogates.polynomial.kernel import axes_effort, block, effort, shared
+from pliant_plugins.surrogates.continued import ContinuedLaw, share_actuation
+from pliant_plugins.surrogates.polynomial.kernel import ACTING, GAINS, HEADER, axes_effort, block, effort
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 KIND = "polynomial"
 ARRAYS = ("coefficients", "actuation_map", "deformation_map")
+SHARED = partial(share_actuation, header=HEADER, acting=ACTING, gains=GAINS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ class PolynomialLaw(ContinuedLaw):
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         maps = (self.actuation_map, self.deformation_map)
         parameters = block(self.coefficients, maps, box, self._reach, self._reference_gain, self.odd)
-        return ScalarLaw(axes_effort, parameters, shared)
+        return ScalarLaw(axes_effort, parameters, SHARED)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
         """Laws with drawn errors (`mechanics.law_draws`) as further coefficients; empty without an error bar."""

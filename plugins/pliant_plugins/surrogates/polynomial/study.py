@@ -122,7 +122,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
+class _AtOneActuation:
     """States at one actuation in ascending u, all (m,)."""
 
     actuation: float
@@ -181,7 +181,7 @@ def fit_differences(data: FemDataset, odd: bool = False) -> StudyCoefficients:
     return StudyCoefficients(k_n=k_n, m_a=m_a, b_a=b_a, m_e=m_e, b_e=b_e)
 
 
-def _rows(data: FemDataset) -> list[_Row]:
+def _rows(data: FemDataset) -> list[_AtOneActuation]:
     """The pressures that have states enough with known energies."""
     known = data.rows(np.isfinite(data.energy_j))
     order = np.argsort(known.actuation, kind="stable")
@@ -193,7 +193,7 @@ def _rows(data: FemDataset) -> list[_Row]:
         index = index[apart]
         if len(index) >= STATES:
             rows.append(
-                _Row(
+                _AtOneActuation(
                     float(known.actuation[index].mean()),
                     known.angle_rad[index],
                     known.moment_n_m[index],
@@ -210,7 +210,9 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
     return slope, float(y.mean() - slope * centre)
 
 
-def _at_zero(row: _Row, driven: tuple[float, float], elastic: tuple[float, float], odd: bool) -> float:
+def _at_zero(
+    row: _AtOneActuation, driven: tuple[float, float], elastic: tuple[float, float], odd: bool
+) -> float:
     """τ at u = 0 under the row's actuation, with the lines k_a and k_e."""
     if row.u[0] <= 0.0 <= row.u[-1]:
         return float(np.interp(0.0, row.u, row.tau))

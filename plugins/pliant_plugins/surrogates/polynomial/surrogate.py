@@ -12,7 +12,7 @@ from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw, AxesSurrogate, axes_law
 from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
-from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
 from pliant_plugins.surrogates.polynomial.states import split
@@ -107,11 +107,11 @@ class Polynomial(AxesSurrogate):
         details = {**choice, "parameters": parameters, "largest_slope": slope, "stable": slope < 0}
         return FittedLaw(law, scoring.report(law, states, details, bool(choice.get("odd", False))))
 
-    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyLaw:
-        """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyLaw.record` wrote."""
+    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyPolynomialLaw:
+        """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyPolynomialLaw.record` wrote."""
         require_kind(record, KIND)
         if record.values.get("form") == "energy":
-            return EnergyLaw.of_record(record)
+            return EnergyPolynomialLaw.of_record(record)
         if record.values["joint"] == "spherical":
             return AxesLaw.of_record(record)
         return PolynomialLaw.of_record(record)

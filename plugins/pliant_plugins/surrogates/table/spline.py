@@ -148,16 +148,8 @@ def axes_effort(
         start = table + rows * columns
 
 
-def shared(parameters: Array, share: float) -> Array:
-    """Parameters of the law whose actuation is `share` times what it is told."""
-    told, start = np.array(parameters, float), 0
-    while start < len(told):
-        for place in (2, 3, 6, 7):  # the box and the reaches in p
-            if abs(told[start + place]) < UNBOUNDED:
-                told[start + place] /= share
-        told[start + 8 : start + 10] *= share
-        start += HEADER + round(told[start]) * round(told[start + 1])
-    return told
+# Places in a block of what has the unit of the actuation (the box and the reaches in p) and of its inverse.
+ACTING, GAINS = (2, 3, 6, 7), slice(8, 10)
 
 
 def block(coefficients: Array, box: Array, reach: Array, reference_gain: Array) -> Array:

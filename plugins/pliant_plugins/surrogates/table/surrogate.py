@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -23,7 +24,7 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.config import TableConfig
-from pliant_plugins.surrogates.continued import ContinuedLaw
+from pliant_plugins.surrogates.continued import ContinuedLaw, share_actuation
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw, AxesSurrogate
 from pliant_plugins.surrogates.polynomial.law import largest_slope
@@ -31,9 +32,10 @@ from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.polynomial.system import joint_of, levels_of
 from pliant_plugins.surrogates.records import affordable, arrays_of, law_record, require_kind, shared_fields
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.spline import axes_effort, block, shared
+from pliant_plugins.surrogates.table.spline import ACTING, GAINS, HEADER, axes_effort, block
 
 KIND = "table"
+SHARED = partial(share_actuation, header=HEADER, acting=ACTING, gains=GAINS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +68,10 @@ class TableLaw(ContinuedLaw):
         """The same law for compiled engines; the continuation's reaches are held parameters there."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         parameters = block(self.coefficients, box, self._reach, self._reference_gain)
-        return ScalarLaw(axes_effort, parameters, shared)
+        return ScalarLaw(axes_effort, parameters, SHARED)
 
     def record(self) -> LawRecord:
-        """Coefficients, box and error bar; `Table.load` makes the same law of them."""
+        """Coefficients, box and error bar; `TableSurrogate.load` makes the same law of them."""
         return law_record(KIND, self, {"coefficients": self.coefficients})
 
     @staticmethod
@@ -261,7 +263,7 @@ def _folds(levels: list[NDArray[np.int64]]) -> Iterator[Mask]:
 MOST_PLACES = 1500
 
 
-class Table(AxesSurrogate):
+class TableSurrogate(AxesSurrogate):
     """Bicubic laws interpolated from scattered states, smoothed as far as states left out ask for.
 
     `FitReport.details` holds what was tried, the residuals and the errors of the study's form on the same states.
@@ -269,10 +271,10 @@ class Table(AxesSurrogate):
 
     config: TableConfig
 
-    def of_axes(self) -> dict[str, Table]:
+    def of_axes(self) -> dict[str, TableSurrogate]:
         """The surrogates of the axes of a spherical joint, where the config has them."""
         each = {} if self.config.axes is None else self.config.axes.each()
-        return {axis: Table(TableConfig(data=one.data)) for axis, one in each.items()}
+        return {axis: TableSurrogate(TableConfig(data=one.data)) for axis, one in each.items()}
 
     def fit(self, data: FemDataset) -> FittedLaw:
         """Fit the states of role "fit" and score the law on those of role "check" (see `polynomial.states`).
