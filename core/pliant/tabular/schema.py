@@ -24,6 +24,7 @@ from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import ENDINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
+Entry = TypeVar("Entry")
 Notes = TypeVar("Notes", bound=ColumnNotes)
 STAMPS = "date"  # unit of a column of time stamps
 
@@ -241,6 +242,6 @@ def check_named(path: Path, notes_name: str, key: str, named: Iterable[str], col
             )
 
 
-def noted(entries: Mapping[str, str], *names: str) -> str | None:
+def noted(entries: Mapping[str, Entry], *names: str) -> Entry | None:
     """What notes say of a column under the first of its names that they know."""
     return next((entries[name] for name in names if name in entries), None)
