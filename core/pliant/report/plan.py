@@ -12,7 +12,7 @@ from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, plural
 from pliant.records.measurement import Measurement
-from pliant.report.document import Column, Document, Table, as_json, brief_table
+from pliant.report.document import Column, Document, Rank, Table, as_json, brief_table
 from pliant.report.fitted import next_run_json
 
 KIND = "Pliant: what to measure next"
@@ -74,6 +74,7 @@ def plan_document(
             "remarks": [*found.remarks, *([remark] if remark else [])],
         },
         brief=tuple(lines),
+        warnings=tuple(one for one in map(remark, found.remarks) if one.rank == Rank.UNIT),
     )
 
 
