@@ -74,7 +74,7 @@ def plan_document(
             "remarks": [*found.remarks, *([remark] if remark else [])],
         },
         brief=tuple(lines),
-        warnings=tuple(one for one in map(remark, found.remarks) if one.rank == Rank.UNIT),
+        warnings=tuple(one for one in map(caveat, found.remarks) if one.rank == Rank.UNIT),
     )
 
 
