@@ -25,8 +25,8 @@ NO_LISTED = (
 )
 NONE_SHOWS = "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
 OF_EACH_ALONE = (
-    "Each run alone: the yes-or-no questions that it is expected to answer per minute on the bench, and the chance that "
-    "the verdict after it names the right explanation."
+    "Each run alone: the yes-or-no questions that it is expected to answer per minute on the bench, and the chance "
+    "that the verdict after it names the right explanation."
 )
 RUN_COLUMNS: tuple[Column[PlannedRun], ...] = (Column("name"), Column("words", "run"), Column("minutes"))
 RANKED_COLUMNS: tuple[Column[RankedRun], ...] = (
