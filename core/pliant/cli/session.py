@@ -67,7 +67,7 @@ class Session:
     def show(self, document: Document, folder: Path | None = None, stored: StoredPage | None = None) -> None:
         """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
         self.result.update(document.data)
-        for block in terminal(document):
+        for block in terminal(document, has_page=folder is not None):
             self.say(block)
         if folder is not None:
             made = page(document) if stored is None else stored.render(document)
