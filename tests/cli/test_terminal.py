@@ -14,7 +14,7 @@ from rich.console import Console
 from pliant.cli import bars
 from pliant.execution import progress
 from pliant.report.document import Document, Picture, Warned, drawn
-from pliant.report.fitted import remark
+from pliant.report.fitted import caveat
 from pliant.report.improvement import steps_brief
 from pliant.report.render import SETTLE_FIRST, page, rich_table, terminal
 
@@ -109,7 +109,7 @@ REMARKS = (
 
 
 def _lines(has_page: bool) -> list[str]:
-    notes = (Warned("effects that it cannot have: leak.", ("why",), folded=True), *map(remark, REMARKS))
+    notes = (Warned("effects that it cannot have: leak.", ("why",), folded=True), *map(caveat, REMARKS))
     document = Document("kind", "title", "The model is right.", brief=("a table",), warnings=notes)
     return [str(line) for line in terminal(document, has_page)]
 
@@ -133,7 +133,7 @@ def test_without_a_page_every_note_is_printed() -> None:
 
 def test_a_page_says_the_doubt_first() -> None:
     hero = Picture("hero", "the picture", np.zeros(8, np.uint8))
-    notes = tuple(map(remark, REMARKS))
+    notes = tuple(map(caveat, REMARKS))
     document = Document("kind", "title", "Wrong.", warnings=notes, points=("why",), draw=lambda: drawn(hero))
     assert next(one.sentence for one in document.ranked) == REMARKS[4]
     html = page(document).html

@@ -68,9 +68,9 @@ class EffectParameter:
             return f"a log-normal prior has no room for {least:g}"
         if self.simpler and self.role != "shape":
             return "a strength has no simpler form: at its neutral value the effect vanishes"
-        for value, words in self.simpler:
-            if not (low <= value <= high and words):
-                return f"simpler form {value:g} '{words}' is outside the bounds {self.bounds} or has no words"
+        for at, words in self.simpler:
+            if not (low <= at <= high and words):
+                return f"simpler form {at:g} '{words}' is outside the bounds {self.bounds} or has no words"
         return None
 
 

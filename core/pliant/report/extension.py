@@ -13,7 +13,7 @@ from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
-from pliant.report.fitted import doubtful, errors_json, floors_json, parameters_brief, parameters_json, remark
+from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
 
 
 def extension_document(
@@ -44,7 +44,7 @@ def extension_document(
             parameters_brief(found.uncertainty),
             *falls,
         ),
-        warnings=tuple(map(remark, (*notes, *doubts))),
+        warnings=tuple(map(caveat, (*notes, *doubts))),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
     )
 

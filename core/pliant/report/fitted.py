@@ -132,7 +132,7 @@ RANKS: tuple[tuple[Rank, tuple[str, ...]], ...] = (
 )
 
 
-def remark(text: str) -> Warned:
+def caveat(text: str) -> Warned:
     """A remark as a warning with its rank."""
     return Warned(text, rank=next((r for r, held in RANKS if any(h in text for h in held)), Rank.DATA))
 
@@ -150,7 +150,7 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
         if left is not None and left[1] in shipped:
             impossible[left[1]] = text
         else:
-            plain.append(remark(text))
+            plain.append(caveat(text))
     if impossible:
         sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
         plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
