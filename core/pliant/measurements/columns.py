@@ -11,7 +11,7 @@ from pathlib import Path
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
-from pliant.tabular.schema import FileColumn, Known, Schema, check_named, noted, stamped
+from pliant.tabular.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
 from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import stem, unit_at_the_end, value_of
 
@@ -122,12 +122,6 @@ def read_header(
     """
     path, written = sheet.path, sheet.header
     found = match(sheet, notes, notes_name, frozenset(actuation or ()))
-    for column in given:
-        if column.name in found:
-            raise UserError(
-                f"{path}: {column.name} stands in column '{found[column.name].written}' and in {column.written}; "
-                "keep one."
-            )
     read = {column.written for column in found.values()}
     unknown = [name for name in written if name and name not in read]
     remarks = _unknown_remarks(unknown, notes, notes_name)
@@ -180,12 +174,16 @@ def match(
     ):
         found["time_s"] = clock
     check_named(path, notes_name, "zero", notes.zero, [*named, *found])
-    for name, column in found.items():
-        zero = noted(notes.zero, column.written, stem(column.written), name)
-        if zero is not None:
-            value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
-            found[name] = replace(column, shift=column.shift - value, zero=value)
-    return found
+    return {name: with_zero(column, notes, notes_name) for name, column in found.items()}
+
+
+def with_zero(column: FileColumn, notes: MeasurementNotes, notes_name: str) -> FileColumn:
+    """A column from whose numbers the zero of the notes is subtracted, where they state one."""
+    zero = noted(notes.zero, column.written, stem(column.written), column.name)
+    if zero is None:
+        return column
+    value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
+    return replace(column, shift=column.shift - value, zero=value)
 
 
 def _of_labview(sheet: Sheet) -> FileColumn | None:
@@ -221,7 +219,7 @@ def _of_frames(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> FileCo
             f"'rate: 25 Hz', or what it was, into {notes_name}."
         )
     rate = notes.rate if notes.rate is not None else rates.pop()
-    return FileColumn(written, "time_s", "time", "s", 1.0 / rate, in_unit="frames")
+    return FileColumn(written, "time_s", "time", "s", 1.0 / rate, in_unit=FRAMES)
 
 
 def _rates(line: str) -> list[float]:
@@ -231,7 +229,7 @@ def _rates(line: str) -> list[float]:
 def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
     """What was done to a column's numbers, in a sentence; empty where it is read as it stands."""
     about = f"Column '{column.written}'"
-    if column.in_unit == "frames":
+    if column.in_unit == FRAMES:
         return f"{about} numbers pictures: time_s = value / {1 / column.scale:g} Hz."
     if column.stamped:
         return f"{about} holds dates or times of day: time_s counts from the first."

@@ -19,7 +19,7 @@ from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
-from pliant.measurements.reading import notes_of
+from pliant.measurements.notes import notes_of
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.tabular.cells import MISSING, Problems
 from pliant.tabular.opening import open_sheet

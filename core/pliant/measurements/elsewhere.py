@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,10 +13,11 @@ from pliant.config.measurements import JoinedFile, MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match
 from pliant.measurements.gathering import Gatherer
+from pliant.measurements.notes import notes_of
 from pliant.records.design import Array
 from pliant.tabular.cells import Cells, Marks, number_in
 from pliant.tabular.opening import open_sheet
-from pliant.tabular.schema import FileColumn, notes_beside
+from pliant.tabular.schema import FileColumn
 
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
 MOST_ROWS = 20_000_000  # of a joined file
@@ -75,60 +76,74 @@ class Joined:
 
 
 def elsewhere(
-    path: Path, notes: MeasurementNotes, notes_name: str, actuation: Sequence[str] | None, timed: bool
+    path: Path, notes: MeasurementNotes, notes_name: str, actuation: Sequence[str] | None, own: Container[str]
 ) -> Elsewhere:
-    """What the notes' `name_pattern` and `join` say.
+    """What the notes' `name_pattern` and `join` say; columns that the file has itself come first.
 
     Args:
         path: the file that is read.
         notes: on it.
         notes_name: where they stand, for messages.
         actuation: names of the chain's inputs.
-        timed: whether the file has a clock of its own.
+        own: Pliant's names of the file's own columns.
 
     Raises `UserError` for a name that the pattern does not fit, or a file that cannot be joined.
     """
     texts: dict[str, str] = {}
-    columns: list[FileColumn] = []
-    constants: list[float] = []
+    constants: dict[FileColumn, float] = {}
     remarks: list[str] = []
     if notes.name_pattern is not None:
-        for written, text in _in_name(path, notes.name_pattern, notes_name).items():
-            column = MEASUREMENT.column_of(written, written, None, frozenset(actuation or ()))
-            if column is None:
-                raise UserError(
-                    f"{notes_name}: 'name_pattern' has '{{{written}}}', which is not a column of a measurement"
-                    f"{closest(written, EXAMPLES)} Use * for a part that says nothing."
-                )
-            if column.role == "text":
-                texts[column.name] = text
-                continue
-            value = number_in(text, Marks(comma=True))
-            if value is None:
-                raise UserError(
-                    f"{path}: '{text}' in the file's name stands for {written} and is not a number."
-                )
-            columns.append(
-                FileColumn("the file's name", column.name, column.role, column.unit, in_unit=column.in_unit)
+        found = _in_name(path, notes.name_pattern, notes_name)
+        if found is None and "run" not in own:
+            raise UserError(
+                f"{path}: its name does not fit 'name_pattern: {notes.name_pattern}' in {notes_name}."
             )
-            constants.append(column.scale * value + column.shift)
-        said = [
-            *(f"{n} '{t}'" for n, t in texts.items()),
-            *(f"{c.name} {v:g}" for c, v in zip(columns, constants, strict=True)),
-        ]
-        remarks.append(f"The file's name says {', '.join(said)}.")
-    joined = None
-    if notes.join is not None:
-        if not timed:
+        if found is None:
+            remarks.append("The file's name does not fit 'name_pattern': its own columns are taken.")
+        for written, text in (found or {}).items():
+            column, value = _of_name(path, written, text, notes_name, actuation)
+            if column.name in own:
+                remarks.append(f"{column.name} stands in the file, so its name is not asked for it.")
+            elif value is None:
+                texts[column.name] = text
+            else:
+                constants[column] = value
+        said = [f"{name} '{text}'" for name, text in texts.items()]
+        said += [f"{column.name} {value:g}" for column, value in constants.items()]
+        remarks += [f"The file's name says {', '.join(said)}."] if said else []
+    joined, columns = None, [*constants]
+    if notes.join is not None and actuation and all(name in own for name in actuation):
+        remarks.append(f"The file has all inputs itself: {notes.join.file} is not joined.")
+    elif notes.join is not None:
+        if "time_s" not in own:
             raise UserError(f"{path}: 'join' needs a column time_s, to know when each row was recorded.")
-        joined, more, remark = _joined(path, notes.join, actuation)
+        joined, more, remark = _joined(path, notes.join, actuation, own)
         columns += more
         remarks.append(remark)
-    return Elsewhere(texts, tuple(columns), tuple(constants), joined, tuple(remarks))
+    return Elsewhere(texts, tuple(columns), tuple(constants.values()), joined, tuple(remarks))
 
 
-def _in_name(path: Path, pattern: str, notes_name: str) -> dict[str, str]:
-    """The parts of a file's name that a pattern has names for."""
+def _of_name(
+    path: Path, written: str, text: str, notes_name: str, actuation: Sequence[str] | None
+) -> tuple[FileColumn, float | None]:
+    """The column that a part of a file's name is, and its number in SI; None of a text."""
+    column = MEASUREMENT.column_of(written, written, None, frozenset(actuation or ()))
+    if column is None:
+        raise UserError(
+            f"{notes_name}: 'name_pattern' has '{{{written}}}', which is not a column of a measurement"
+            f"{closest(written, EXAMPLES)} Use * for a part that says nothing."
+        )
+    if column.role == "text":
+        return column, None
+    value = number_in(text, Marks(comma=True))
+    if value is None:
+        raise UserError(f"{path}: '{text}' in the file's name stands for {written} and is not a number.")
+    made = FileColumn("the file's name", column.name, column.role, column.unit, in_unit=column.in_unit)
+    return made, column.scale * value + column.shift
+
+
+def _in_name(path: Path, pattern: str, notes_name: str) -> dict[str, str] | None:
+    """The parts of a file's name that a pattern has names for; None where it does not fit."""
     names = FIELD.findall(pattern)
     if not names or len(set(names)) < len(names):
         raise UserError(
@@ -138,30 +153,24 @@ def _in_name(path: Path, pattern: str, notes_name: str) -> dict[str, str]:
     texts = [re.escape(text).replace(r"\*", ".*?") for text in parts[::2]]
     fields = [f"(?P<{name}>.+?)" for name in parts[1::2]] + [""]
     found = re.fullmatch("".join(a + b for a, b in zip(texts, fields, strict=True)), path.stem)
-    if found is None:
-        raise UserError(f"{path}: its name does not fit 'name_pattern: {pattern}' in {notes_name}.")
-    return found.groupdict()
+    return None if found is None else found.groupdict()
 
 
 def _joined(
-    path: Path, join: JoinedFile, actuation: Sequence[str] | None
+    path: Path, join: JoinedFile, actuation: Sequence[str] | None, own: Container[str]
 ) -> tuple[Joined, list[FileColumn], str]:
     other = path.parent / join.file
-    beside, file = notes_beside(other, MeasurementNotes)
-    notes, notes_name = beside or MeasurementNotes(), file.name if file else other.with_suffix(".yaml").name
+    notes, notes_name = notes_of(other, None)
     with open_sheet(other, MEASUREMENT.example, notes, notes_name) as sheet:
         found = match(sheet, notes, notes_name, frozenset(actuation or ()))
         clock = found.get("time_s")
-        used = [
-            c
-            for c in found.values()
-            if c.role == "condition" or (c.role == "input" and c.name in (actuation or [c.name]))
-        ]
+        used = [c for c in found.values() if c.role in ("input", "condition") and c.name not in own]
+        used = [c for c in used if c.role == "condition" or actuation is None or c.name in actuation]
         if clock is None or not used:
-            lacks = "no column time_s" if clock is None else "neither inputs nor conditions"
+            lacks = "no column time_s" if clock is None else "none"
             raise UserError(
-                f"{other}: a file that is joined has time_s and inputs or conditions, and it has {lacks}; its columns "
-                f"are {', '.join(filter(None, sheet.header))}."
+                f"{other}: a file that is joined has time_s, and inputs or conditions that {path.name} lacks; it has "
+                f"{lacks} (its columns: {', '.join(filter(None, sheet.header))})."
             )
         gatherer = Gatherer((clock, *used), sheet.problems, MOST_ROWS)
         places = {name: i for i, name in enumerate(sheet.header)}

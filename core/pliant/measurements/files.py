@@ -15,7 +15,8 @@ from pliant.config.problems import sentences
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress
 from pliant.measurements.joining import together
-from pliant.measurements.reading import notes_of, read_measurement
+from pliant.measurements.notes import notes_of
+from pliant.measurements.reading import read_measurement
 from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 

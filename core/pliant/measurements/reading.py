@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,13 +17,14 @@ from pliant.measurements.columns import MEASUREMENT, Header, match, outputs_amon
 from pliant.measurements.doubts import sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
+from pliant.measurements.notes import digest_of, notes_of, notes_of_frame
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
 from pliant.tabular.cells import lines_text
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import FileColumn, notes_beside
+from pliant.tabular.schema import FileColumn
 from pliant.tabular.sheet import Sheet
 from pliant.units import UnitError, parse_quantity
 
@@ -66,10 +66,11 @@ def read_measurement(
     """
     in_memory = is_frame(source)
     path = Path(FRAME if in_memory else source)
-    notes, notes_name = _notes_of_frame(settings) if in_memory else notes_of(path, settings)
+    notes, notes_name = notes_of_frame(settings) if in_memory else notes_of(path, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
-        timed = "time_s" in match(sheet, notes, notes_name) if notes.join is not None else False
-        other = elsewhere(path, notes, notes_name, actuation, timed)
+        asked = notes.join is not None or notes.name_pattern is not None
+        own = set(match(sheet, notes, notes_name)) if asked else set()
+        other = elsewhere(path, notes, notes_name, actuation, own)
         texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
         header = read_header(sheet, notes, notes_name, actuation, [*texts, *other.columns])
         most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
@@ -121,45 +122,9 @@ def read_measurement(
         notes.markers_m,
         "" if in_memory else digest_of(path),
         tuple(doubts),
-        {column.name: column.in_unit for column in header.every if column.unit},
+        {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
     )
-
-
-def digest_of(path: Path) -> str:
-    """SHA-256 of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def notes_of(path: Path, settings: MeasurementNotes | None) -> tuple[MeasurementNotes, str]:
-    """The notes beside the file with the study's on top, and the name of the file to write notes into."""
-    beside, file = notes_beside(path, MeasurementNotes)
-    notes = _on_top(beside or MeasurementNotes(), settings)
-    if file is None:
-        return notes, path.with_suffix(".yaml").name
-    # a study of the same stem takes the name: then the notes belong into its `measurements` block
-    return notes, file.name if beside is not None else f"the 'measurements' block of {file.name}"
-
-
-def _notes_of_frame(settings: MeasurementNotes | None) -> tuple[MeasurementNotes, str]:
-    return _on_top(MeasurementNotes(), settings), "the notes"
-
-
-def _on_top(notes: MeasurementNotes, settings: MeasurementNotes | None) -> MeasurementNotes:
-    """Notes with those of a study on top: entries are merged, spans of both hold, the rest is the study's if said."""
-    if settings is None:
-        return notes
-    both: dict[str, Any] = {}
-    for key in MeasurementNotes.model_fields:
-        mine, theirs = getattr(notes, key), getattr(settings, key)
-        if isinstance(mine, dict):
-            both[key] = {**mine, **theirs}
-        elif key in ("exclude", "missing"):
-            both[key] = (*mine, *theirs)
-        else:
-            both[key] = theirs or mine
-    return MeasurementNotes(**both)
 
 
 def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:

@@ -21,12 +21,12 @@ from pliant.records.design import Array
 from pliant.tabular.cells import Block, is_stamp
 from pliant.tabular.names import meanings
 from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import ENDINGS, conversion, fits, stem, unit_in
+from pliant.tabular.units import ENDINGS, SPELLINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
 Entry = TypeVar("Entry")
 Notes = TypeVar("Notes", bound=ColumnNotes)
-STAMPS = "date"  # unit of a column of time stamps
+STAMPS, FRAMES = "date", "frames"  # units of a clock that holds time stamps, or numbers of pictures
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,11 @@ class FileColumn:
     @property
     def stamped(self) -> bool:
         return self.in_unit == STAMPS
+
+    @property
+    def unit_as_written(self) -> str:
+        """The unit of its numbers in the file, as it is spelt here; the SI unit of a clock of stamps or pictures."""
+        return self.unit if self.in_unit in (STAMPS, FRAMES) else SPELLINGS.get(self.in_unit, self.in_unit)
 
     def written_values(self, block: Block, place: int) -> Array:
         """(n,) its numbers in a block, as they are written; seconds from the first of time stamps."""

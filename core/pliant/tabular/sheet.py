@@ -116,7 +116,7 @@ class ColumnSheet(Sheet):
             count = len(columns[0]) if columns else 0
             for start in range(0, count, ROWS):
                 part = tuple(column[start : start + ROWS] for column in columns)
-                lines = np.asarray(np.arange(line + start, line + min(start + ROWS, count)))
+                lines = np.array(range(line + start, line + min(start + ROWS, count)), int)
                 yield Block(part, lines, self.problems, self.marks, self.clock)
             line += count
 

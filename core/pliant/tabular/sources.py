@@ -140,7 +140,7 @@ def open_matlab(path: Path, example: str, marks: Marks, table: str | None, notes
             "s = table2struct(T, 'ToScalar', true), and save(…, '-v7')."
         )
     columns = tables[_chosen(path, list(tables), table, "variable", notes_name)]
-    scalars = tuple(f"{name}: {value}" for name, value in variables.items() if np.isscalar(value))
+    scalars = tuple(f"{name}: {value!s}" for name, value in variables.items() if np.isscalar(value))
     return _of_columns(path, columns, marks, notes_name, scalars)
 
 
