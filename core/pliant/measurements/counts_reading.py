@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,10 +18,10 @@ from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
-from pliant.measurements.notes import notes_of
+from pliant.measurements.notes import digest_of, notes_on
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.tabular.cells import MISSING, Problems
-from pliant.tabular.opening import open_sheet
+from pliant.tabular.opening import FRAME, is_frame, open_sheet
 from pliant.tabular.schema import check_named
 from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import ENDINGS
@@ -36,14 +35,17 @@ MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
 
 
-def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConfig | None = None) -> bool:
+def holds_counts(
+    source: Path | Any, task: TaskConfig | None, settings: MeasurementsConfig | None = None
+) -> bool:
     """Whether a file is one of counts: it has successes or trials, and no readings that the study could be asked for.
 
     Beside readings, counts are for a study whose task counts trials (then `read_counts` refuses the mixture); a
     chain's readings are compared and its counts are ignored.
     """
-    with open_sheet(path, EXAMPLE, *(noted := notes_of(path, settings))) as sheet:
-        names = [noted[0].rename.get(name, name).lower() for name in sheet.header]
+    notes, notes_name = notes_on(source, settings)
+    with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
+        names = [notes.rename.get(name, name).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
 
@@ -53,27 +55,26 @@ def counts_trials(task: TaskConfig) -> bool:
     return {"trials", "seed"} <= set(type(task).model_fields)
 
 
-def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
+def read_counts(source: Path | Any, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
     """Read a counts CSV (docs/measurement_files.md) and the YAML notes of the same stem.
 
     Args:
-        path: the CSV: columns successes, trials, and one for each condition that was set.
+        source: the file, or a pandas frame: columns successes, trials, and one for each condition that was set.
         task: the study's task; every condition is validated by it.
         settings: the study's `measurements` block; its entries come before those of the notes.
 
     Raises:
         UserError: no such columns, a column that names no key of the task, or rows that cannot be, with their lines.
     """
-    path = Path(path)
-    notes, notes_name = notes_of(path, settings)
-    with open_sheet(path, EXAMPLE, notes, notes_name) as sheet:
+    path = Path(FRAME if is_frame(source) else source)
+    notes, notes_name = notes_on(source, settings)
+    with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
         layout = _layout(path, sheet.header, notes, notes_name, type(task))
         rows = _rows(sheet, layout, task)
     sheet.problems.raise_if_any()
     if not rows:
         raise UserError(f"{path}: the file has a header and no rows.")
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    digest = "" if is_frame(source) else digest_of(path)
     return Counts(_conditions(rows, layout), path.name, digest, tuple(layout.remarks))
 
 
