@@ -146,8 +146,8 @@ def check_at_rest(
     if apart > MOTION * span:
         raise UserError(
             f"{path}: it is a recording in motion (column {clock}): {y.written} differs by "
-            f"{100 * apart / span:.0f} % of its range {where}. A free curve has states at rest, one row for each that was "
-            "waited for; leave those alone in the file, and take the recording for `pliant compare`."
+            f"{100 * apart / span:.0f} % of its range {where}. A free curve has states at rest, one row for each that "
+            "was waited for; leave those alone in the file, and take the recording for `pliant compare`."
         )
     return [f"The file has a clock ({clock}): its rows are taken as states at rest."]
 

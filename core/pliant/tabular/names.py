@@ -154,6 +154,7 @@ def proposed(written: Sequence[str], units: Mapping[str, str]) -> tuple[dict[str
         meant = likely(name, {other: unit for other, unit in units.items() if other not in rename.values()})
         if meant:
             rename[name] = meant
-            if unit_in(name) is None and (unit := unit_at_the_end(name)):
-                said[name] = unit
+            if unit_in(name) is None and units[meant]:
+                asked = f"{units[meant]}  # or another unit: the file does not say"
+                said[name] = unit_at_the_end(name) or asked
     return rename, said

@@ -12,6 +12,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.tabular.cells import Block, Cells, Marks, Problems, number_in
+from pliant.tabular.dates import Clock
 
 ROWS = 65_536  # of a block that is in memory
 
@@ -27,7 +28,7 @@ class Sheet(ABC):
         preamble: lines above the header: comments, and keys and values of instruments.
         sample: cells of the first rows, to see what a column holds.
         blank_rows: rows with separators and nothing else, counted while `blocks` runs.
-        clock: the first time stamp of each column, in microseconds.
+        clock: where each column of time stamps began.
     """
 
     path: Path
@@ -38,7 +39,7 @@ class Sheet(ABC):
     preamble: tuple[str, ...] = ()
     sample: tuple[Sequence[str], ...] = ()
     blank_rows: int = 0
-    clock: dict[int, int] = field(default_factory=dict)
+    clock: dict[int, Clock] = field(default_factory=dict)
 
     def __enter__(self) -> Sheet:
         return self
