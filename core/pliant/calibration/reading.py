@@ -297,9 +297,12 @@ def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], tes
         for kind, columns_of_kind in OF_KIND.items():
             if set(columns) & set(columns_of_kind[place]):
                 return kind
+    named = [name for name in header if name]
+    wanted = {name: UNITS[name] for kind in OF_KIND.values() for names in kind for name in names}
+    lines = lines_to_write(path, "", *proposed(named, wanted))
     raise UserError(
         f"{path}: it is neither a tensile test (stretch or strain, nominal_stress_pa) nor a free curve (pressure_pa or "
-        f"tendon_force_n, angle_rad or extension_m); its columns are {', '.join(filter(None, header))}."
+        f"tendon_force_n, angle_rad or extension_m); its columns are {', '.join(named)}.{lines}"
     )
 
 

@@ -170,10 +170,10 @@ def _check_clock(
     """Raise `UserError` where a column is called as a clock and cannot be read as one: its absence would mean much."""
     for name in unknown:
         if "time" in meanings(bare(name)) and name not in notes.rename:
-            inputs = () if "input" in roles else DRIVES
+            inputs, outputs = () if "input" in roles else DRIVES, () if "output" in roles else READ
             raise UserError(
                 f"{path}: column '{name}' is called as a clock and does not say its unit; without it the rows would "
-                f"be states reached slowly.{_lines(path, notes_name, unknown, inputs, () if 'output' in roles else READ)}"
+                f"be states reached slowly.{_lines(path, notes_name, unknown, inputs, outputs)}"
             )
 
 

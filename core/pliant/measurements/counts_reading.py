@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,9 @@ from pliant.measurements.notes import digest_of, notes_on
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.tabular.cells import MISSING, Problems
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import check_named
+from pliant.tabular.schema import check_named, noted
 from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import ENDINGS
+from pliant.tabular.units import ENDINGS, SPELLINGS, stem, unit_in
 from pliant.units import UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
@@ -45,7 +46,7 @@ def holds_counts(
     """
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
-        names = [notes.rename.get(name, name).lower() for name in sheet.header]
+        names = [_called(name, notes).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
 
@@ -133,10 +134,11 @@ def _layout(
     path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
 ) -> Layout:
     """Match the header with what counts need and what the task knows."""
-    names = [notes.rename.get(name, name) for name in header]
-    check_named(path, notes_name, "rename", notes.rename, header)
-    check_named(path, notes_name, "units", notes.units, [*header, *names])
-    check_named(path, notes_name, "conditions", notes.conditions, [*header, *names])
+    names = [_called(name, notes) for name in header]
+    every = [*header, *map(stem, header)]
+    check_named(path, notes_name, "rename", notes.rename, every)
+    check_named(path, notes_name, "units", notes.units, [*every, *names])
+    check_named(path, notes_name, "conditions", notes.conditions, [*every, *names])
     if readings := outputs_among(name.lower() for name in names):
         raise UserError(
             f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
@@ -180,6 +182,18 @@ def _layout(
     return layout
 
 
+def _called(written: str, notes: MeasurementNotes) -> str:
+    """A column's name without its unit; Pliant's for what counts or names a set, and for a reading."""
+    renamed = noted(notes.rename, written, stem(written))
+    if renamed is not None:
+        return renamed
+    column = None
+    with suppress(UserError):  # a unit of a condition, which the task will judge
+        column = MEASUREMENT.column_of(written, written, None, frozenset())
+    of_counts = column is not None and column.role in ("count", "text", "cycle", "output")
+    return column.name if column is not None and of_counts else stem(written)
+
+
 def _condition(
     path: Path,
     written: str,
@@ -189,8 +203,9 @@ def _condition(
     task: type[TaskConfig],
 ) -> TaskKeyColumn | None:
     """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
-    unit = notes.units.get(written, notes.units.get(name, ""))
-    stated = notes.conditions.get(written, notes.conditions.get(name))
+    unit = noted(notes.units, written, stem(written), name) or unit_in(written) or ""
+    unit = SPELLINGS.get(unit, unit)
+    stated = noted(notes.conditions, written, stem(written), name)
     if stated is not None:
         key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
         return TaskKeyColumn(written, key, unit or key.unit, stated.values)
@@ -208,7 +223,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
     rows: list[_CountRow] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
-        cells = [[cell.strip() for cell in block.texts(place)] for place in range(len(sheet.header))]
+        cells = [block.plain_texts(place) for place in range(len(sheet.header))]
         conditions = [cells[layout.places[c.column]] for c in layout.conditions]
         names = [cells[layout.places[name]] for name in TEXTS if name in layout.places]
         counts = {name: block.numbers(layout.places[name], name) for name in COUNTS}

@@ -78,15 +78,15 @@ def read_measurement(
         _gather(sheet, header, other, gatherer, progress or Silent())
         gatherer.finish()
     sheet.problems.raise_if_any()
-    gatherer.name_parts()
-    if not any(rows.kept for rows in gatherer.runs):
+    gathered = gatherer.named()
+    if not any(rows.kept for rows in gathered):
         raise UserError(f"{path}: {gatherer.no_rows()}")
     said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
     outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
     stated = _stated(notes, notes_name, outputs)
-    runs = [_run(rows, header, outputs, stated, path) for rows in gatherer.runs if rows.kept]
-    said += [f"Run '{rows.name}' has no row that can be used." for rows in gatherer.runs if not rows.kept]
+    runs = [_run(rows, header, outputs, stated, path) for rows in gathered if rows.kept]
+    said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
     ranges = spans([run.history for run in runs])
     runs = [  # cycles are counted where the file does not give all of a run's

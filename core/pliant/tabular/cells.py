@@ -102,6 +102,19 @@ class Block:
             return cells
         return tuple("" if value != value else repr(value).removesuffix(".0") for value in cells.tolist())
 
+    def plain_texts(self, place: int) -> list[str]:
+        """A column as stripped texts: numbers as Python writes them, and blanks for missing values."""
+        cells = [cell.strip() for cell in self.texts(place)]
+        for k, cell in enumerate(cells):
+            if cell in self.marks.missing:
+                cells[k] = ""
+            elif self.marks.decimal is not None or "," in cell or "D" in cell or "d" in cell:
+                self.check_ways(cell, int(self.lines[k]), "")
+                if (value := number_in(cell, self.marks)) is not None:
+                    plain = cell.replace(",", ".")
+                    cells[k] = plain if is_number(plain) and "," in cell else repr(value)
+        return cells
+
     def numbers(self, place: int, column: str) -> Array:
         """A column as floats: NaN where it is blank or says so; texts and infinities become problems."""
         cells = self.columns[place]

@@ -65,6 +65,7 @@ LIKELY: Mapping[str, str] = {
     "moment": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
     "tendon_travel": r"weg|travel.*|stroke.*|hub",
     "payload": r"masse|mass|load.*|last",
+    "nominal_stress": r"stress.*|sig.*|spannung.*",
     "time": r"t|time.*|zeit.*",
 }
 _FILLED = {

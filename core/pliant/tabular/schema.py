@@ -178,8 +178,8 @@ class Schema:
         """`Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar"); the name itself where it may mean several."""
         cuts: list[tuple[str, str | None]] = [(name, unit)]
         for k in (k for k, mark in enumerate(name) if mark == "_"):
-            ending = name[k + 1 :]
-            cuts.append((name[:k], SPELLINGS.get(ending, ENDINGS.get(ending.lower()))))
+            after = name[k + 1 :]
+            cuts.append((name[:k], SPELLINGS.get(after, ENDINGS.get(after.lower()))))
         found: dict[str, str | None] = {}
         for start, ending in cuts:
             for meant in meanings(start):
