@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant import __version__
-from pliant.formatting import Unit, number
+from pliant.formatting import Unit, displayed, number
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -241,6 +241,8 @@ class Document:
         footer: the page's last line.
         page: the name of the page's file.
         version: of Pliant that made what the page shows.
+        units: those that stood before the usual ones when it was made (`pliant.formatting.displayed_in`), and stand
+            so when it is drawn.
     """
 
     kind: str
@@ -255,6 +257,7 @@ class Document:
     footer: str = ""
     page: str = "report.html"
     version: str = __version__
+    units: Mapping[str, Unit] = field(default_factory=displayed)
 
     @property
     def ranked(self) -> tuple[Warned, ...]:

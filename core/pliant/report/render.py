@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from pliant.formatting import units_of_page
+from pliant.formatting import displayed_in, units_of_page
 from pliant.report.document import Document, Page, Table, Warned
 
 if TYPE_CHECKING:
@@ -69,7 +69,9 @@ def page(document: Document) -> Page:
 
     The same document gives the same bytes. Every text is escaped.
     """
-    drawn = document.draw()
+    with displayed_in(document.units):
+        drawn = document.draw()
+        footer = document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up"
     html = page_template().render(
         kind=document.kind,
         title=document.title,
@@ -79,7 +81,7 @@ def page(document: Document) -> Page:
         warnings=document.ranked,
         sections=drawn.sections,
         version=document.version,
-        footer=document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up",
+        footer=footer,
     )
     pictures = [p for section in drawn.sections for p in section.pictures]
     shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures
