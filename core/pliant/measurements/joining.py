@@ -67,6 +67,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         digest if any(m.sha256 for m in measurements) else "",
         tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),
         {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
+        {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
     )
 
 

@@ -74,6 +74,7 @@ class Measurement:
             markers are the chain's own (joints 1…N, then the tip as N + 1).
         doubts: columns that may mean something else; `remarks` holds their sentences too.
         written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
+        headed: Pliant's name of each column that was read → its heading in the file ("Druck [mbar]").
     """
 
     runs: tuple[MeasuredRun, ...]
@@ -84,6 +85,7 @@ class Measurement:
     sha256: str = ""
     doubts: tuple[Doubt, ...] = ()
     written: Mapping[str, str] = field(default_factory=dict)
+    headed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:
