@@ -110,8 +110,9 @@ def improvement_answers(found: Improvement) -> Answers:
         if found.locked.runs
         else f"{found.scored_on}; no run was put aside"
     )
+    after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
     sure = f"± {number(found.steps[-1].locked_se, 2)} times the noise, on {where}"
-    return answers(good, missing, sure, proposed(found.next_run) or found.reason)
+    return answers(good, missing, sure, proposed(found.next_run) or after)
 
 
 def proposed(run: NextRun | None) -> str:

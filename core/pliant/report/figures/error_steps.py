@@ -13,8 +13,8 @@ from pliant.formatting import number, unit_of
 from pliant.report.figures import style
 
 MOST_OUTPUTS = 2
-HEIGHT_PX, WIDEST_PX = 680, 1770
-STEP_PX, MARGIN_PX, SMALLEST_PX = 200, 160, 880
+HEIGHT_PX, WIDEST_PX = 600, 1770
+STEP_PX, MARGIN_PX, SMALLEST_PX, NARROWEST_PX = 200, 160, 880, 1400
 
 
 def error_steps(found: Improvement) -> style.Png:
@@ -22,7 +22,7 @@ def error_steps(found: Improvement) -> style.Png:
     first = found.steps[0].locked.rmse
     outputs = sorted(first, key=lambda name: -first[name] / found.floors[name].value)[:MOST_OUTPUTS]
     width = max(SMALLEST_PX, STEP_PX * len(found.steps) + MARGIN_PX) * len(outputs)
-    with style.canvas(min(width, WIDEST_PX), HEIGHT_PX) as figure:
+    with style.canvas(min(max(width, NARROWEST_PX), WIDEST_PX), HEIGHT_PX) as figure:
         for panel, name in zip(style.panels(figure, len(outputs), len(outputs)), outputs, strict=True):
             _panel(panel, found, name)
         return style.png(figure)
