@@ -101,8 +101,12 @@ def test_every_verdict_has_a_whole_page(case):
     assert not re.search(r"<tbody>\s*</tbody>|<ul[^>]*>\s*</ul>|<p>\s*</p>", page.html)
     sections = re.findall(r"<section.*?</section>", page.html, re.DOTALL)
     assert len(sections) >= 4
-    assert all(re.search(r"<img|<td|<p", section) for section in sections)
-    first = re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])[0]
+    assert all(re.search(r"<img|<td|<p|<li", section) for section in sections)
+    assert all(re.search(r"<details( open)?><summary><h2>", section) for section in sections)
+    answered = re.findall(r"<dt>(.*?)</dt><dd>.+?</dd>", page.html.split("<img")[0])
+    assert answered == ["How good", "What is missing", "How sure", "What next"]
+    titles = re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])
+    first = next(title for title in titles if title != "In more words")
     assert (first == "Noise") is (found.verdict == "not_repeatable")  # the repeats are the finding
     assert ("repeats" in page.pictures) is (found.verdict != "insufficient_data")  # of a run alone
     assert ("nobody knows whether the bench repeats" in page.html) is (found.verdict == "insufficient_data")

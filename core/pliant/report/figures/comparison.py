@@ -250,7 +250,6 @@ def _means(
         colour = style.WARN if entry.significant else style.INK
         look = {
             "marker": marks[k],
-            "clip_on": False,
             "ms": 6.5,
             "mfc": colour if entry.significant else "white",
             "capsize": 3,
