@@ -26,6 +26,7 @@ from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
 from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
 from pliant.config.loading import load_study
+from pliant.config.measurements import MeasurementsConfig
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -42,6 +43,9 @@ from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
+from pliant.measurements.block import asked
+from pliant.measurements.joining import together
+from pliant.measurements.reading import read_measurement as read_recording
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
@@ -60,6 +64,8 @@ from pliant.records.measurement import Measurement
 from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
+from pliant.report.document import Document
+from pliant.report.importing import import_document
 from pliant.search.stage import search_study
 from pliant.store.store import Artifact, ArtifactStore
 
@@ -196,6 +202,29 @@ def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = 
     """
     result: SearchResult = search_study(opened.bench, opened.study, executor=executor, workers=workers).value
     return result
+
+
+def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
+    """A recording without a study, and how it was understood: `pliant import`.
+
+    Args:
+        files: a path, or several, which are runs in their order.
+        notes: keys of a `measurements` block but `file`, before the YAML beside each file.
+
+    Raises:
+        UserError: what cannot be read, or must be asked; the message then ends in the block with the lines to choose.
+    """
+    paths = [str(file) for file in ([files] if isinstance(files, str | Path) else files)]
+    block = {"file": paths[0] if len(paths) == 1 else paths, **notes}
+    try:
+        read = [
+            read_recording(Path(path), settings=MeasurementsConfig(**{**notes, "file": path}))
+            for path in paths
+        ]
+    except UserError as error:
+        raise asked(error, block) from None
+    measurement = together(read)
+    return measurement, import_document(measurement, block)
 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
