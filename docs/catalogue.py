@@ -44,10 +44,14 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| {_link(c.kind)} | {e.place} | {c.summary} | {_link(e.notes.look_alike)} | {_runs(e)} |"
+        f"| {_link(c.kind)} | {e.place} | {c.summary} | {_sentence(e.notes.on_the_bench)} "
+        f"| {_link(e.notes.look_alike)} | {_runs(e)} |"
         for c, e in effects
     ]
-    head = "| kind | place | what it is | easily taken for | runs that show it |\n|---|---|---|---|---|"
+    head = (
+        "| kind | place | what it is | what to look at on the bench | easily taken for | runs that show it |\n"
+        "|---|---|---|---|---|---|"
+    )
     return "\n\n".join([INTRODUCTION, "\n".join([head, *rows]), *_menu(effects)]) + "\n"
 
 
@@ -61,6 +65,7 @@ def facts(component: Component) -> list[str]:
         f"It acts {PLACES[effect.place]}.",
         "\n".join([HEAD, *rows]),
         f"**What gives it away:** {_sentence(notes.signature)}",
+        f"**On the bench:** {_sentence(notes.on_the_bench)}",
         f"**Easily taken for** {_link(notes.look_alike, '')}: {notes.told_apart}",
         f"**To see it:** {_sentence(notes.excited_by)} "
         f"Runs of the [menu](../effects.md#runs-of-the-menu): {_runs(effect)}.",
@@ -84,6 +89,7 @@ def _runs(effect: type[Effect]) -> str:
 
 
 def _row(parameter: EffectParameter, meaning: str) -> str:
+    meaning = "; ".join([meaning, *(f"at {value:g} {words}" for value, words in parameter.simpler)])
     unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
 
     def span(ends: tuple[float, float]) -> str:

@@ -41,6 +41,17 @@ class InvalidDesignError(UserError):
     """A design breaks one of its family's geometric inequalities; the message says which and by how much."""
 
 
+class ImpossibleEffectError(UserError):
+    """An effect that a chain cannot have: `reason` says why, the message also what to do where a study has it."""
+
+    def __init__(self, reason: str, advice: str = "take it out of 'effects'") -> None:
+        super().__init__(reason, advice)
+        self.reason = f"{reason}."
+
+    def __str__(self) -> str:
+        return "{}; {}.".format(*self.args)
+
+
 class NotReachedError(PliantError):
     """The work ran but did not reach what was asked (not converged, infeasible)."""
 

@@ -1,15 +1,19 @@
 """SI numbers as people read them: numbers of a sensible length, quantities in display units, lists.
 
 `DISPLAY` decides in which unit each quantity is shown, on the terminal, on pages, in tables and in pictures:
-change it here and nowhere else. JSON, CSV and study files do not go through this module.
+change it here and nowhere else. Who brings a file in mbar reads mbar: `displayed_in` puts the units of a file before
+`DISPLAY` for a block of code. JSON, CSV and study files do not go through this module.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from pliant.units import split_unit
@@ -65,8 +69,37 @@ ROUNDING = 1e-20  # nothing that people read is this small
 LABELS = {"angle": "bend angle"}  # where the words of a column's name would not do
 
 
+NO_UNITS: Mapping[str, Unit] = MappingProxyType({})
+_displayed: ContextVar[Mapping[str, Unit]] = ContextVar("units of display", default=NO_UNITS)
+
+
+def displayed() -> Mapping[str, Unit]:
+    """The units that stand before `DISPLAY` here: names of columns, and SI units, → display unit."""
+    return _displayed.get()
+
+
+@contextmanager
+def displayed_in(units: Mapping[str, Unit]) -> Iterator[None]:
+    """Show quantities in these units inside the block.
+
+    A context, because every sentence, table and picture asks `display_unit` or `unit_of` on its own: as a parameter
+    the units would go through a hundred functions that do not look at them. The block ends it, other threads do not
+    see it, and what is drawn later enters the units that its document keeps.
+
+    Args:
+        units: names of columns (``angle_rad``) and SI units (``Pa``) → unit; a name goes before its SI unit.
+    """
+    token = _displayed.set(units)
+    try:
+        yield
+    finally:
+        _displayed.reset(token)
+
+
 def display_unit(si: str) -> Unit:
     """The display unit of an SI unit, rates included: kPa for Pa, kPa/s for Pa/s."""
+    if (written := _displayed.get().get(si)) is not None:
+        return written
     if si.endswith("/s") and si not in DISPLAY:
         per = display_unit(si.removesuffix("/s"))
         return Unit(f"{per.symbol}/s", per.factor)
@@ -79,14 +112,18 @@ def named_unit(label: str, si: str = "") -> NamedUnit:
     return NamedUnit(unit.symbol, unit.factor, label=label)
 
 
+def stem_and_unit(name: str) -> tuple[str, str]:
+    """The name of a column or an output without its unit, and that unit: ``pressure_pa_s`` → pressure, Pa/s."""
+    suffix = next((suffix for suffix in OF_COLUMNS if name.endswith(suffix)), "")
+    return (name.removesuffix(suffix), OF_COLUMNS[suffix]) if suffix else split_unit(name)
+
+
 def unit_of(name: str) -> NamedUnit:
     """How a column or an output is shown, by its suffix: ``tip_x_m`` → "tip x" in mm."""
-    stem, si = split_unit(name)
-    for suffix, other in OF_COLUMNS.items():
-        if name.endswith(suffix):
-            stem, si = name.removesuffix(suffix), other
+    stem, si = stem_and_unit(name)
     words = re.sub(r"_+", " ", stem).strip()
-    return named_unit(LABELS.get(words, words), si)
+    unit = _displayed.get().get(name) or display_unit(si)
+    return NamedUnit(unit.symbol, unit.factor, label=LABELS.get(words, words))
 
 
 def unit_of_field(field: str) -> tuple[str, Unit]:
@@ -209,7 +246,8 @@ def units_of_page(**kinds: str) -> str:
 
 def unbroken(text: str) -> str:
     """The text without a line break between a number and its unit."""
-    symbols = sorted({"%", "m", "µm", "nm", "N", *(u.symbol for u in DISPLAY.values())} - {""}, reverse=True)
+    shown = (unit.symbol for unit in (*DISPLAY.values(), *displayed().values()))
+    symbols = sorted({"%", "m", "µm", "nm", "N", *shown} - {""}, reverse=True)
     known = "|".join(map(re.escape, symbols))
     return re.sub(rf"(?<=\d) (?=(?:{known})(?!\w))", "\u00a0", text)
 

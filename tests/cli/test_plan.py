@@ -38,7 +38,7 @@ def test_after_data_the_runs_that_decide_are_written(pliant, bench, read, workpl
         ["actuation_gain"],
         ["stiffness"],
     ] in first["separates"]
-    assert first["name"] in call.out and "nats a minute" in call.out
+    assert first["name"] in call.out and "questions a minute" in call.out
     for run in found["runs"]:
         assert (workplace / run["file"]).read_text().startswith(f"# Run '{run['name']}'")
 

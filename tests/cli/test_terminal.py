@@ -7,13 +7,16 @@ import re
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from pliant.cli import bars
 from pliant.execution import progress
+from pliant.report.document import Document, Picture, Warned, drawn
+from pliant.report.fitted import caveat
 from pliant.report.improvement import steps_brief
-from pliant.report.render import rich_table
+from pliant.report.render import SETTLE_FIRST, page, rich_table, terminal
 
 
 def _console(terminal: bool) -> tuple[Console, io.StringIO]:
@@ -92,3 +95,46 @@ def test_nothing_is_cut(joints: int) -> None:
     assert all(f"joint {k} angle" in text for k in range(1, joints + 1))
     assert text.count("4.96 ± 0.34") == 2 and text.count("0.573°") == 2 * joints
     assert max(len(line.rstrip()) for line in said) <= 80
+
+
+REMARKS = (
+    "Column 'foto' is not known and is ignored; did you mean time_s?",
+    "There is one run only: nothing repeats, and no run can be held out.",
+    "'leak' was left out: effect 'leak' needs a pressure.",
+    "angle_rad: no repeats and no sigma.",
+    "Unit to check: pressure_pa reaches 150.",
+    "Readings of run 'a' are missing.",
+    "Readings of run 'b' are missing.",
+)
+
+
+def _lines(has_page: bool) -> list[str]:
+    notes = (Warned("effects that it cannot have: leak.", ("why",), folded=True), *map(caveat, REMARKS))
+    document = Document("kind", "title", "The model is right.", brief=("a table",), warnings=notes)
+    return [str(line) for line in terminal(document, has_page)]
+
+
+def test_the_gravest_notes_come_first_and_the_least_are_counted_where_a_page_has_them() -> None:
+    """A unit doubt stands before every number, and the last sentence says to settle it."""
+    lines = _lines(has_page=True)
+    assert lines[0] == f"note: {REMARKS[4]}" and lines[1] == "a table"
+    assert lines[2] == f"note: {REMARKS[3]}"  # the floor, then what the data lack
+    assert [line.removeprefix("note: ") for line in lines[3:6]] == [REMARKS[1], *REMARKS[5:]]
+    assert lines[6] == "note: 2 more in the report."
+    assert lines[7] == "note: effects that it cannot have: leak." and "  why" not in lines
+    assert lines[8:] == ["The model is right.", SETTLE_FIRST]
+
+
+def test_without_a_page_every_note_is_printed() -> None:
+    lines = _lines(has_page=False)
+    assert {f"note: {text}" for text in REMARKS} < set(lines)
+    assert not any("more in the report" in line for line in lines)
+
+
+def test_a_page_says_the_doubt_first() -> None:
+    hero = Picture("hero", "the picture", np.zeros(8, np.uint8))
+    notes = tuple(map(caveat, REMARKS))
+    document = Document("kind", "title", "Wrong.", warnings=notes, points=("why",), draw=lambda: drawn(hero))
+    assert next(one.sentence for one in document.ranked) == REMARKS[4]
+    html = page(document).html
+    assert html.index(SETTLE_FIRST) < html.index(">why<") < html.index(REMARKS[4]) < html.index(REMARKS[1])

@@ -7,7 +7,9 @@ import pytest
 from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
 from tests.diagnosis.quick import BENCH, colour, effect, measurement_of, ramp
 
-from pliant.diagnosis.improvement import improve
+from pliant.diagnosis.fitting import Score
+from pliant.diagnosis.improvement import _Walk, improve
+from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.test_split import lock
 from pliant.report.improvement import summary
 
@@ -47,6 +49,8 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
     assert found.steps[-1].locked.over_floor < 1.2
     assert found.floors["angle_rad"].source == "repeats"
     assert 0 < found.steps[-1].locked_se < 0.3
+    left = found.steps[-1].locked
+    assert found.reason.startswith(f"What is left is noise, {left.over_floor:.2f} ± ")
     assert "off by" in found.steps[0].why  # where the model fails: the reason for the next step
     assert "creeping" in found.steps[-1].why and "Within the noise" in found.steps[-1].why
     share = found.final.uncertainty.of("viscoelastic.share")
@@ -105,6 +109,52 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
     found = improve(BENCH, study(tmp_path), drifted, kinds=FEW)
     assert found.stop == "nothing_missing"
     assert any("still" in remark and "in no other run" in remark for remark in found.remarks)
+    assert "noise, " not in found.reason and "and yet it is" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("stop", "locked", "training", "begins"),
+    [
+        (
+            "unknown_effect",
+            1.04,
+            1.05,
+            "The model is right to 1.04 ± 0.06 times the noise; no listed effect explains",
+        ),
+        (
+            "unknown_effect",
+            2.4,
+            2.3,
+            "Something is missing, and it is not in the list: the error is 2.40 ± 0.06",
+        ),
+        (
+            "unknown_effect",
+            1.04,
+            1.9,
+            "Something is missing, and it is not in the list: the error is 1.90 ± ",
+        ),
+        ("nothing_missing", 1.04, 1.0, "What is left is noise, 1.04 ± 0.06 times its floor"),
+        (
+            "nothing_missing",
+            1.5,
+            1.0,
+            "No listed effect lowers the error of the training runs any further, and yet",
+        ),
+        ("no_gain", 1.04, 1.0, "The model is right to 1.04 ± 0.06 times the noise. Own words."),
+        ("no_gain", 1.5, 1.0, "Own words."),
+    ],
+)
+def test_the_closing_sentence_is_about_what_is_left(creeping, stop, locked, training, begins):
+    """The same verdict reads otherwise where the error on the runs put aside is down at the noise."""
+    model, measurement, found = creeping
+    walk = _Walk(BENCH, model, measurement, FEW, None, 1)
+    walk._diagnose()
+    noise = NoiseView({}, 200.0, 1.0, True, 1.0)
+    last = replace(
+        found.steps[-1], locked=Score({}, locked, 100), training=Score({}, training, 100), locked_se=0.06
+    )
+    said = walk._closing(stop, "Own words." if stop == "no_gain" else "", last, noise)
+    assert said.startswith(begins)
 
 
 LAGS = ("sensor_lag", "supply_lag", "viscous_damping")

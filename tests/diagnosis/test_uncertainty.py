@@ -103,6 +103,35 @@ def test_values_outside_the_plausible_range_are_doubted():
     assert not one.plausible and len(one.doubts) == 1
 
 
+SHAPE = parameter(
+    "q",
+    0.15,
+    (0.01, 1.0),
+    (0.05, 0.5),
+    role="shape",
+    prior="log_normal",
+    simpler=((0.01, "one volume is enough"), (1.0, "both are as slow")),
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "ends", "opened", "at_limit", "says"),
+    [
+        (0.01, (0.01, 0.05), (True, False), True, "one volume is enough"),
+        (0.02, (0.01, 0.05), (True, False), False, "one volume is enough"),
+        (1.0, (0.6, 1.0), (False, True), True, "both are as slow"),
+        (0.02, (0.015, 0.03), (False, False), False, ""),  # needed, and implausible
+        (0.2, (0.01, 1.0), (True, True), False, ""),  # not felt
+        (0.01, (0.01, 1.0), (True, True), True, "one volume is enough"),
+    ],
+)
+def test_a_shape_whose_simpler_form_is_enough_says_so_and_is_no_alarm(value, ends, opened, at_limit, says):
+    one = Estimate("lag.q", SHAPE, value, 0.001, *ends, *opened, at_limit)
+    assert one.simpler == says
+    assert bool(one.doubts) is (not says and not one.plausible)
+    assert says in one.words and one.remarks[-1:] == ((says,) if says else one.doubts)
+
+
 @pytest.mark.parametrize(
     ("value", "sd", "text", "rounded_value"),
     [

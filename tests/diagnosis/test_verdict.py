@@ -25,6 +25,7 @@ from pliant.diagnosis.verdict import (
     room_above_floor,
     shared_effects,
 )
+from pliant.evidence.excess import CLEARLY_ABOVE, Excess
 
 SQUARES = st.floats(0.5, 50.0)
 
@@ -151,6 +152,72 @@ def test_verdicts(verdict, squares, noise, excited) -> None:
         assert set(found.credible) == {("a",), ("b",)}
     if squares is STRANGE:
         assert found.credible == (UNKNOWN,)
+
+
+UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
+
+
+@pytest.mark.parametrize(
+    ("squares", "n", "verdict", "sentence"),
+    [
+        # an error that only thousands of readings tell from the noise: little is to be gained
+        (
+            UNKNOWN_LEFT,
+            8000.0,
+            "unknown_effect",
+            "What is left is small: 1.06 ± 0.01 times the noise (at most 6 % of the error to gain); no listed effect "
+            "explains it.",
+        ),
+        (STRANGE, 200.0, "unknown_effect", "Something is missing, and it is not in the list."),
+        (MISSING, 200.0, "missing_effect", "Missing: a."),
+        (
+            {(): 1.25, ("a",): 1.0},
+            500.0,
+            "missing_effect",
+            "Missing: a. The error without it is small: 1.12 ± 0.04 times the noise (at most 11 % of the error to "
+            "gain).",
+        ),
+        (TWINS, 200.0, "ambiguous", "These data do not decide: a or b."),
+        (CLEAN, 200.0, "nothing_missing", "Nothing is missing that these data could show."),
+        # 1.21 times the noise, but of few readings: not told from it
+        ({(): 1.45, ("a",): 1.45}, 60.0, "nothing_missing", "Nothing is missing that these data could show."),
+        (
+            {(): 2.0, ("a",): 2.0},
+            60.0,
+            "nothing_missing",
+            "No listed effect helps, and the error is 1.42 ± 0.13 times the noise: these data are too few to say more.",
+        ),
+    ],
+)
+def test_the_sentence_of_a_verdict_is_about_the_size_of_the_error(squares, n, verdict, sentence) -> None:
+    """The golden sentences: verdict by what is left to gain. The verdict itself does not look at the size."""
+    found = judge(table(squares, n=n), THRESHOLDS, 2)
+    assert (found.verdict, found.sentence) == (verdict, sentence)
+    if verdict == "unknown_effect":
+        assert found.as_it_is.ratio == pytest.approx(np.sqrt(1.01 * squares[()]))
+        assert found.best.ratio == pytest.approx(np.sqrt(1.01 * squares[("a",)]))
+        assert (
+            any("well above" in reason or "times the noise" in reason for reason in found.reasons)
+            is not found.small
+        )
+
+
+@pytest.mark.parametrize(
+    ("ratio", "se", "small", "words"),
+    [
+        (1.04, 0.06, True, "small: 1.04 ± 0.06 times the noise (at most 4 % of the error to gain)"),
+        (1.149, 0.0, True, "small: 1.15 ± 0.00 times the noise (at most 13 % of the error to gain)"),
+        (CLEARLY_ABOVE, 0.0, False, ""),
+        (1.3, 0.16, True, "not told from the noise: 1.30 ± 0.16 times it"),
+        (1.3, 0.14, False, ""),
+        (0.97, 0.05, True, "small: 0.97 ± 0.05 times the noise (nothing to gain)"),
+        (2.4, np.nan, False, ""),
+        (np.nan, np.nan, False, ""),
+    ],
+)
+def test_an_error_is_small_below_the_border_or_within_two_standard_errors(ratio, se, small, words) -> None:
+    assert Excess(ratio, se).small is small
+    assert not small or Excess(ratio, se).words == words
 
 
 @pytest.mark.parametrize(("rise", "predicts"), [(1.02, True), (1.1, False)])

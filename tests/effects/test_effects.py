@@ -59,6 +59,16 @@ def test_the_kinds_of_the_contract_ship() -> None:
     assert {type(example(c)).notes.look_alike for c in SHIPPED} <= KINDS
 
 
+@ALL
+def test_each_effect_has_a_plain_name_and_a_thing_to_look_at_on_the_bench(component: Component) -> None:
+    """The name reads as what happens ("the supply answers late"), the look as one order of one sentence."""
+    name, look = component.summary, type(example(component)).notes.on_the_bench
+    assert name[0].islower() and not name.endswith(".") and len(name) <= 60
+    assert component.kind not in name and " " in name
+    assert look[0].islower() and look[-1] in ".?" and 40 <= len(look) <= 170
+    assert ". " not in look
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -70,6 +80,9 @@ def test_the_kinds_of_the_contract_ship() -> None:
         ({"prior": "uniform"}, "is not one of normal, log_normal"),
         ({"prior": "log_normal", "plausible": (0.0, 1.0)}, "has no room for 0"),
         ({"unit": ""}, "has no unit"),
+        ({"simpler": {0.0: "gone"}}, "a strength has no simpler form"),
+        ({"role": "shape", "simpler": {3.0: "one is enough"}}, "outside the bounds"),
+        ({"role": "shape", "simpler": {0.0: ""}}, "has no words"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_where_it_is_declared(

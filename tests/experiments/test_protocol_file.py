@@ -107,6 +107,52 @@ def test_a_study_that_renames_columns_and_units_reads_the_new_file_as_the_old_on
     np.testing.assert_allclose(back.outputs["angle_rad"], np.pi / 2)
 
 
+HEADED = {
+    "time_s": ("Zeit [ms]", "ms"),
+    "pressure_pa": ("pressure_mbar", "mbar"),
+    "angle_rad": ("Angle (deg)", "deg"),
+}
+
+
+def in_its_own_units(measurement):
+    """The measurement as if its file had been in ms, mbar and degrees."""
+    written = {name: unit for name, (_, unit) in HEADED.items()}
+    headed = {name: heading for name, (heading, _) in HEADED.items()}
+    return replace(measurement, written=written, headed=headed)
+
+
+@pytest.mark.parametrize("name", ["slow_cycles", "load_steps", "base_on_its_side", "second_sensor"])
+def test_the_file_is_in_the_units_of_the_old_one_and_read_again(tmp_path, old, name) -> None:
+    runs = timed_catalogue(BenchScale.of_measurement(CHAIN, old))
+    run = next((run for run in runs if run.name == name), runs[0])
+    path = tmp_path / "n.csv"
+    write_protocol(path, run, old.outputs, measurement=in_its_own_units(old))
+    text = path.read_text()
+    header = next(line for line in text.splitlines() if not line.startswith("#"))
+    assert {"time [ms]", "pressure_mbar", "Angle (deg)"} <= set(
+        header.split(",")
+    )  # "Zeit" is no word of the reader
+    assert "Read Angle (deg)" in text and not any(name in header for name in HEADED)
+    filled(path, ["Angle (deg)"], 90.0)
+    (back,) = read_measurement(path).runs
+    np.testing.assert_allclose(back.history.time_s, run.history.time_s, atol=1e-6)
+    np.testing.assert_allclose(
+        back.history.actuation["pressure_pa"], run.history.actuation["pressure_pa"], rtol=1e-6
+    )
+    np.testing.assert_allclose(back.history.base_angles_rad, run.history.base_angles_rad, rtol=1e-6)
+    np.testing.assert_allclose(back.outputs["angle_rad"], np.pi / 2)
+
+
+def test_headings_that_the_study_renames_are_kept(tmp_path, old) -> None:
+    settings = MeasurementsConfig(file="x.csv", rename={"Zeit [ms]": "time_s"}, units={"Zeit [ms]": "ms"})
+    run = timed_catalogue(BenchScale.of_measurement(CHAIN, old))[0]
+    write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=in_its_own_units(old), notes=settings)
+    filled(tmp_path / "n.csv", ["Angle (deg)"])
+    (back,) = read_measurement(tmp_path / "n.csv", settings=settings).runs
+    assert "Zeit [ms]" in (tmp_path / "n.csv").read_text()
+    np.testing.assert_allclose(back.history.time_s, run.history.time_s, atol=1e-6)
+
+
 def test_a_folder_that_is_not_there_is_a_sentence(tmp_path, old) -> None:
     run = timed_catalogue(BenchScale.of_measurement(CHAIN, old))[0]
     blocked = tmp_path / "file"

@@ -1,6 +1,7 @@
 """Successive halving: the best searches go on, an interruption changes nothing, what cannot be halved is refused."""
 
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from tests.search.toy_search import StopError, Watched
 
 from pliant.errors import UserError
 from pliant.search.run.search import Halving
+from pliant.search.stage import search_study
 
 SEARCHES, BUDGET = 9, 6
 HALVED = (
@@ -49,10 +51,12 @@ def test_interrupted_anywhere_it_ends_the_same(optimized):
         assert again.evaluations == whole.evaluations
 
 
-def test_workers_change_nothing(optimized):
+def test_workers_change_nothing(opened, optimized):
     """Of a search that is halved, and whose best are tried once more."""
     again = "search.confirm={best: 2, change: {chain.payload: 2 g}}"
-    alone, both = (optimized(*HALVED, again, store=str(n), workers=n) for n in (1, 2))
+    study, alone = opened(*HALVED, again), optimized(*HALVED, again, store="alone")
+    with ThreadPoolExecutor(2) as pool:
+        both = search_study(study.bench, study.study, executor=pool).value
     assert np.array_equal(alone.history.objectives, both.history.objectives)
     assert [design.objectives for design in alone.best] == [design.objectives for design in both.best]
 

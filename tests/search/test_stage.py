@@ -91,18 +91,6 @@ def test_the_slopes_of_a_robust_search_are_undisturbed_on_workers_too(opened, op
         assert one.change == other.change
 
 
-def test_a_dask_cluster_finds_what_one_process_finds(opened, optimized):
-    distributed = pytest.importorskip("distributed")
-    study = opened("search.budget=12", UNCHECKED)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        found = search_study(study.bench, study.study, executor=cluster.scheduler_address).value
-    alone = optimized("search.budget=12", UNCHECKED, store="other")
-    assert [vars(design) for design in found.best] == [vars(design) for design in alone.best]
-    np.testing.assert_array_equal(found.history.objectives, alone.history.objectives)
-
-
 def test_a_check_without_fem_counts_by_its_prediction(opened, optimized):
     check = Verification({"quasistatic": {"m": 1.0}}, {}, {}, (), 0.0, 0.0)
     study, made = opened("search.budget=4", UNCHECKED).study, optimized("search.budget=4", UNCHECKED)

@@ -22,7 +22,9 @@ from pliant.execution.executors import checked_workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
-from pliant.formatting import listed
+from pliant.formatting import displayed_in, listed
+from pliant.measurements.written_units import units_as_written
+from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_document
 from pliant.report.count_hypotheses import counts_diagnosis_document
@@ -76,7 +78,7 @@ def compare(
             counts_document(loaded.name, counted.counts, compare_counted(bench, counted, workers)), folder
         )
         return
-    measurement = measurement_of_study(bench, loaded, data)
+    measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
     predicted = predictor.predict()
@@ -110,7 +112,7 @@ def diagnose(
         judged = judge_counts(evidence)
         here.show(counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry), folder)
         return
-    measurement = measurement_of_study(bench, loaded, data)
+    measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
     kinds = effect or here.registry.kinds("effect")
@@ -125,6 +127,13 @@ def diagnose(
     file = files[0] if files else None
     document = diagnosis_document(name, measurement, found, here.registry, asked=effect or (), next_file=file)
     here.show(document, folder)
+
+
+def measurement_of(here: Session, bench: Workbench, study: Study, data: Sequence[Path] | None) -> Measurement:
+    """The study's measurement, or the files' instead; from here on the verb shows the units of its file."""
+    measurement = measurement_of_study(bench, study, data)
+    here.until_end.enter_context(displayed_in(units_as_written(measurement)))
+    return measurement
 
 
 def _counted(here: Session, study: Study, data: Sequence[Path] | None, workers: int) -> CountedStudy | None:

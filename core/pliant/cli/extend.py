@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.evidence import DataFile
+from pliant.cli.evidence import DataFile, measurement_of
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground, write_extended_study
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.errors import UserError
-from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import extension_document, origin
 
 Effects = Annotated[
@@ -49,7 +48,7 @@ def extend(
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
     check_target(study, target, force)
     bench = here.bench()
-    measurement = measurement_of_study(bench, loaded, data)
+    measurement = measurement_of(here, bench, loaded, data)
     ground = Ground.of(bench, loaded, measurement)
     found = extend_with(ground, loaded.effects, kinds)
     here.measured(loaded, measurement)

@@ -8,12 +8,11 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, Workers, report_folder
+from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, report_folder
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
-from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
 
@@ -46,7 +45,7 @@ def improve(
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
     bench = here.bench()
-    measurement = measurement_of_study(bench, loaded, data)
+    measurement = measurement_of(here, bench, loaded, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
         found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick, workers=workers)

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, Workers, write_runs
+from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, write_runs
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
@@ -26,7 +26,7 @@ from pliant.diagnosis.next_run import (
     view_of,
 )
 from pliant.errors import UserError
-from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import own_runs, runs_of
 from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.pipeline.study import chain_of_study
@@ -75,7 +75,7 @@ def plan(
         here.registry.get("effect", kind)
     here.result |= {"study": loaded.name, "out": str(folder)}
     if data or loaded.measurements is not None:
-        measurement = measurement_of_study(bench, loaded, data)
+        measurement = measurement_of(here, bench, loaded, data)
         found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, workers)
         planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(chosen, 1) if one.planned]
         files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)

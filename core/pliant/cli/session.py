@@ -8,7 +8,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -39,7 +39,8 @@ LONGEST_NAME = 80
 class Session:
     """The surroundings of one verb. `result` becomes the JSON, `say` prints for people.
 
-    `path` and `overrides` are of the study that was read, `installed` the plugins that were known before.
+    `path` and `overrides` are of the study that was read, `installed` the plugins that were known before;
+    `until_end` holds contexts that last as long as the verb.
     """
 
     command: str
@@ -50,6 +51,7 @@ class Session:
     store: Path = Path()
     path: Path = Path()
     overrides: tuple[str, ...] = ()
+    until_end: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
         # With JSON on standard output, words for people go to standard error.
@@ -65,7 +67,7 @@ class Session:
     def show(self, document: Document, folder: Path | None = None, stored: StoredPage | None = None) -> None:
         """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
         self.result.update(document.data)
-        for block in terminal(document):
+        for block in terminal(document, has_page=folder is not None):
             self.say(block)
         if folder is not None:
             made = page(document) if stored is None else stored.render(document)
@@ -110,7 +112,8 @@ def session(command: str, json_target: str | None, quiet: bool, store: Path) -> 
     try:
         if json_target is not None and json_target != "-":
             _check_json_target(json_target)
-        yield here
+        with here.until_end:
+            yield here
         _write_json(here)
     except PliantError as error:
         here.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)

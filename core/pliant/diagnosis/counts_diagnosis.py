@@ -50,6 +50,7 @@ from pliant.evidence.counts import (
     compare_counts,
     simulate_trials,
 )
+from pliant.evidence.excess import Excess
 from pliant.execution.executors import Workers
 from pliant.interfaces.effect import EffectConfig
 from pliant.pipeline.workbench import Workbench
@@ -363,6 +364,7 @@ def judge_counts(found: CountEvidence) -> CountJudgement:
     credible = credible_set(found.probability, BELIEVED)
     verdict, reasons = _verdict(found)
     selected = next(iter(found.probability)) if verdict == "missing_effect" else NOTHING
+    best = next((kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     smallest = {kinds: _smallest(found, row) for kinds, row in found.rows.items() if len(row.parameters) == 1}
     return CountJudgement(
         verdict=verdict,
@@ -370,6 +372,8 @@ def judge_counts(found: CountEvidence) -> CountJudgement:
         selected=selected,
         credible=credible,
         reasons=reasons,
+        as_it_is=_excess(found.comparison),
+        best=_excess(found.comparisons[best]),
         not_excited=tuple(kinds for kinds, level in smallest.items() if not np.isfinite(level)),
         smallest={kinds: level for kinds, level in smallest.items() if np.isfinite(level)},
         alike=_alike(found, credible),
@@ -409,6 +413,11 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
     if found.rows[first].unseen.sum() <= found.rows[NOTHING].unseen.sum():
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="conditions"),)
     return "missing_effect", ()
+
+
+def _excess(compared: CountComparison) -> Excess:
+    """Over what chance alone would give; whether it is more than chance, exact tests say."""
+    return Excess(compared.ratio_to_floor)
 
 
 def _named(conditions: Sequence[ConditionResult]) -> str:

@@ -57,7 +57,6 @@ from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.floors import floor_remarks
-from pliant.measurements.plausible import TO_CHECK
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -275,13 +274,12 @@ def _ways_to_excite(
 
 
 MOST_NAMED = 4
-WRONG_UNIT = "A unit in the file looks wrong (see the remarks): settle that first, then believe a verdict."
 
 
-def explanation(found: Diagnosis, registry: Registry) -> list[str]:
-    """Why, what follows from it, and what to do next."""
+def explanation(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
+    """Why, what follows from it, and what to do next; `reasons`: those of the verdict too."""
     proposed = next_words(found)
-    return [*why(found, registry), *([proposed] if proposed else [])]
+    return [*why(found, registry, reasons), *([proposed] if proposed else [])]
 
 
 def next_words(found: Diagnosis) -> str:
@@ -291,23 +289,33 @@ def next_words(found: Diagnosis) -> str:
     return f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}."
 
 
-def why(found: Diagnosis, registry: Registry) -> list[str]:
+def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
     """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
-    lines = [WRONG_UNIT] if any(TO_CHECK in remark for remark in found.remarks) else []
-    lines += found.judgement.reasons
+    lines = list(found.judgement.reasons) if reasons else []
     for kind in found.selected:
-        notes = registry.get("effect", kind).implementation_class().notes
-        if notes.signature:
-            lines.append(f"{kind}: {notes.signature}")
+        lines += in_plain_words(registry, kind)
         twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
         if twins:  # look-alikes that these runs cannot exclude
             lines.append(f"Under these runs {kind} can hardly be told from {' or '.join(twins)}.")
     if found.verdict != "missing_effect":  # a selected effect stands out of its class
         left = {kind for kinds in found.judgement.credible for kind in kinds}
         lines += [class_words(one, left) for one in found.classes if left & set(one.kinds)]
+    if found.verdict == "ambiguous":  # a look at the bench may decide what the readings do not
+        left_kinds = dict.fromkeys(kind for kinds in found.judgement.credible for kind in kinds)
+        for kind in [kind for kind in left_kinds if kind != UNKNOWN[0]][:MOST_NAMED]:
+            lines += [" ".join(in_plain_words(registry, kind, signature=False))]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     return lines
+
+
+def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> list[str]:
+    """An effect's plain name with what gives it away, and what to look at on the bench, as far as its notes say."""
+    component = registry.get("effect", kind)
+    notes = component.implementation_class().notes
+    known = f" {notes.signature}" if signature and notes.signature else ""
+    lines = [f"{kind}, {component.summary}:{known}"] if known else [f"{kind}: {component.summary}."]
+    return [*lines, *([f"On the bench: {notes.on_the_bench}"] if notes.on_the_bench else [])]
 
 
 def class_words(one: EffectClass, first: Collection[str] = ()) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, FitParameter
 from pliant.diagnosis.fitting import EffectFit, Fitter
 from pliant.diagnosis.verdict import EvidenceThresholds, Kinds
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError, UserError
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
@@ -65,7 +65,7 @@ class Detectable:
 
 
 def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Kinds that this chain can have, and the others with the reason that their plugin gives."""
+    """Kinds that this chain can have, and the others with the plugin's reason, without its advice on a study."""
     fits: list[str] = []
     reasons: dict[str, str] = {}
     for kind in kinds:
@@ -73,7 +73,7 @@ def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tupl
             candidate = EffectSet.of(registry, (kind,))
             fitter.look(candidate, candidate.starts()[0])
         except UserError as error:
-            reasons[kind] = str(error)
+            reasons[kind] = error.reason if isinstance(error, ImpossibleEffectError) else str(error)
             continue
         fits.append(kind)
     return fits, reasons

@@ -12,14 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, score
 from pliant.diagnosis.next_run import NextRun
-from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.verdict import (
@@ -31,6 +29,7 @@ from pliant.diagnosis.verdict import (
     sorted_kinds,
 )
 from pliant.evidence.comparison import compare, interpret
+from pliant.evidence.excess import Excess
 from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
@@ -40,13 +39,28 @@ from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
-from pliant.registry.discovery import Registry
 
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
 LEAST_GAIN = 0.01
-# Errors above the floor by less than this share are not worth a warning.
-CLEARLY_ABOVE = 0.15
+# What is said at the end: where the error that is left is small, and where it is clearly above the noise.
+RIGHT = "The model is right to {left} times the noise"
+CLOSINGS = {
+    "nothing_missing": (
+        "What is left is noise, {left} times its floor: no listed effect lowers the error of the training runs any "
+        "further.",
+        "No listed effect lowers the error of the training runs any further, and yet it is {left} times the noise.",
+    ),
+    "unknown_effect": (
+        f"{RIGHT}; no listed effect explains the rest ({{gain}}).",
+        "Something is missing, and it is not in the list: the error is {left} times the noise, and no listed effect, "
+        "nor a few of them together, brings it down.",
+    ),
+    "ambiguous": (
+        f"{RIGHT} ({{gain}}); what explains the rest these data do not decide: {{contenders}}.",
+        "These data do not decide: {contenders}.",
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,13 +190,12 @@ class _Walk:
         self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
 
     def go(self, most_steps: int) -> tuple[str, str]:
-        """Take steps; returns why it stopped."""
-        registry = self.bench.registry
+        """Take steps; returns what stopped it, and the reason where it is not a verdict."""
         while True:
             found = self._diagnose()
             core = _core(found)
             if found.verdict != "missing_effect" and core is None:
-                return found.verdict, _stop_words(found, registry, bool(self.added))
+                return found.verdict, ""
             order = _by_gain(found) if core is None else [core.chosen]
             alike = order if core is None else core.stands_for
             again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
@@ -265,11 +278,13 @@ class _Walk:
             training = score(draft.left_out, noise.floors)
             aside = score(draft.residuals, noise.floors, locked.runs) if locked.runs else training
             share = aside.n / max(score(draft.residuals, noise.floors).n, 1)
-            se = _standard_error(aside, noise.floors, noise.n_effective * share)
+            read = {name: noise.floors[name] for name in aside.rmse}
+            se = Excess.of(aside.over_floor, read, noise.n_effective * share).se
             unseen = score(draft.residuals, noise.floors, locked.unseen) if locked.unseen else None
             steps.append(
                 Step(draft.added, draft.effects, draft.why, aside, se, unseen, training, draft.stands_for)
             )
+        reason = self._closing(stop, reason, steps[-1], noise)
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [*self.measurement.remarks, *self.ground.predictor.remarks, *not_tried, locked.why]
         remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]
@@ -286,6 +301,27 @@ class _Walk:
         return Improvement(
             tuple(steps), stop, reason, locked, noise.floors, noise.judged, final, tuple(remarks), next_run
         )
+
+    def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:
+        """The reason in sentences, by the error that is left: the larger one where training runs show more."""
+        left = Excess(last.locked.over_floor, last.locked_se)
+        training = Excess.of(last.training.over_floor, noise.floors, noise.n_effective)
+        left = training if left.small and not training.small else left
+        small = noise.judged and left.small
+        found = self.last
+        if reason or found is None:
+            return f"{RIGHT.format(left=left)}. {reason}" if small else reason
+        if stop in CLOSINGS:
+            words = CLOSINGS[stop][0 if small else 1]
+            first = words.format(left=left, gain=left.gain, contenders=found.judgement.contenders)
+        elif stop == "insufficient_data" and self.added:
+            first = "Whether more is missing these data cannot tell."
+        else:
+            first = found.judgement.sentence
+        if stop == "nothing_missing":
+            return first
+        of_verdict = stop != "unknown_effect"  # said by the closing with the error that is left at the end
+        return " ".join([first, *explanation(found, self.bench.registry, of_verdict)])
 
 
 def _core(found: Diagnosis) -> SharedEffect | None:
@@ -328,25 +364,9 @@ def _by_gain(found: Diagnosis) -> list[str]:
     return chosen
 
 
-def _stop_words(found: Diagnosis, registry: Registry, added: bool) -> str:
-    if found.verdict == "nothing_missing":
-        return "What is left is noise: no listed effect lowers the error of the training runs any further."
-    cannot_tell = added and found.verdict == "insufficient_data"
-    first = "Whether more is missing these data cannot tell." if cannot_tell else found.judgement.sentence
-    return " ".join([first, *explanation(found, registry)])
-
-
-def _standard_error(locked: Score, floors: Mapping[str, Floor], n_effective: float) -> float:
-    """Of rmse / floor: s / √(2 n_eff) for few readings, and the floor's own."""
-    parts = [floors[name].se / floors[name].value for name in locked.rmse if floors[name].value > 0]
-    floor = float(np.sqrt(np.mean(np.square(parts)))) if parts else np.nan
-    return float(locked.over_floor * np.hypot(1.0 / np.sqrt(2.0 * max(n_effective, 1.0)), floor))
-
-
 def _still_wrong(last: Step, stop: str) -> list[str]:
     """The training runs show nothing more, and yet the runs put aside do."""
-    excess = last.locked.over_floor - 1.0
-    if stop != "nothing_missing" or excess < max(2.0 * last.locked_se, CLEARLY_ABOVE):
+    if stop != "nothing_missing" or Excess(last.locked.over_floor, last.locked_se).small:
         return []
     unseen = last.unseen
     where = f" ({unseen.over_floor:.2f} where their condition was in no other run)" if unseen else ""

@@ -47,6 +47,7 @@ from pliant.diagnosis.verdict import (
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
 from pliant.experiments.planned_run import SET_UP, BenchScale, PlannedRun, unread_run
+from pliant.formatting import whole_percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
@@ -429,10 +430,11 @@ def _worded(
 ) -> NextRun:
     outcome, run, contenders = outcomes[best], view.runs[best], belief.contenders
     parted = np.minimum(outcome.factors, outcome.factors.T) >= belief.deciding
+    after = "after it" if told == 0.0 else "after it and the runs above"
     pairs = [(contenders[i], b) for j, b in enumerate(contenders) for i in range(j) if parted[i, j]]
     why = (
         f"the explanations that are left predict different readings there: {_either(contenders, ' or ')}; the "
-        f"verdict after it is expected to be right with {outcome.right:.0%}"
+        f"verdict {after} names the right one with a chance of {whole_percent(outcome.right)}"
     )
     order = []
     for k in ranked:

@@ -80,15 +80,27 @@ class Estimate:
         return self.parameter.role == "strength" and self.low <= self.parameter.neutral <= self.high
 
     @property
+    def simpler(self) -> str:
+        """That a simpler form is enough, in the effect's own words; empty where the shape is needed or not felt."""
+        low = self.parameter.bounds[0] if self.open_low else self.low
+        high = self.parameter.bounds[1] if self.open_high else self.high
+        forms = [form for form in self.parameter.simpler if low <= form[0] <= high]
+        if self.at_limit:
+            forms = sorted(forms, key=lambda form: abs(form[0] - self.value))[:1]
+        elif self.open_low and self.open_high:
+            return ""
+        return forms[0][1] if len(forms) == 1 else ""
+
+    @property
     def words(self) -> str:
-        """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be doubted."""
+        """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be said of it."""
         low, high = number(self.low, 3), number(self.high, 3)
         between = f"between {low} and {high}"
         if self.open_low or self.open_high:
             between = f"below {high}" if self.open_low else f"above {low}"
         if self.open_low and self.open_high:
             between = "anywhere within its bounds"
-        return ", ".join([with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {between}", *self.doubts])
+        return ", ".join([with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {between}", *self.remarks])
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -96,11 +108,16 @@ class Estimate:
         found = []
         if self.includes_neutral:
             found.append(f"includes {quantity(self.parameter.neutral, self.unit, 3)}: no effect")
-        if not self.plausible:
+        if not self.plausible and not self.simpler:
             unit = display_unit(self.unit)
             value, low, high = (unit.text(v, 3) for v in (self.value, *self.parameter.plausible))
             found.append(f"implausible: {value} is outside {low} to {high}")
         return tuple(found)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The doubts, and where a simpler form is enough."""
+        return (*self.doubts, self.simpler) if self.simpler else self.doubts
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ missing although nobody knows which: one member may stand for the group in a mod
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -17,6 +18,7 @@ import numpy as np
 
 from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.noise import NoiseView
+from pliant.evidence.excess import Excess
 from pliant.records.design import Array
 
 Kinds = tuple[str, ...]
@@ -71,6 +73,10 @@ class EvidenceTable:
         """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
         floor = self.noise.floor_square
         return float(np.sqrt(square / floor)) if floor > LEAST_SQUARE else np.nan
+
+    def excess(self, square: float) -> Excess:
+        """The same with its standard error."""
+        return Excess.of(self.over_floor(square), self.noise.floors, self.noise.n_effective)
 
 
 @dataclass(frozen=True)
@@ -215,14 +221,24 @@ def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThreshold
     return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), thresholds)
 
 
-# The one sentence of each verdict, on measurements and on counts; `reasons` beside it say more where there is more.
+# The one sentence of each verdict, on measurements and on counts: where the error of the model as it is is small, and
+# where it is clearly above the noise (`Judgement.small`). `reasons` beside it say more where there is more.
 HEADLINES = {
-    "missing_effect": "Missing: {kinds}.",
-    "ambiguous": "These data do not decide: {contenders}.",
-    "nothing_missing": "Nothing is missing that these data could show.",
-    "unknown_effect": "Something is missing, and it is not in the list.",
-    "not_repeatable": "The bench does not repeat well enough to say.",
-    "insufficient_data": "These data cannot tell.",
+    "missing_effect": ("Missing: {kinds}. The error without it is {left}.", "Missing: {kinds}."),
+    "ambiguous": (
+        "These data do not decide: {contenders}. The error is {left}.",
+        "These data do not decide: {contenders}.",
+    ),
+    "nothing_missing": (
+        "Nothing is missing that these data could show.",
+        "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
+    ),
+    "unknown_effect": (
+        "What is left is {left}; no listed effect explains it.",
+        "Something is missing, and it is not in the list.",
+    ),
+    "not_repeatable": ("The bench does not repeat well enough to say.",) * 2,
+    "insufficient_data": ("These data cannot tell.",) * 2,
 }
 NOT_PREDICTIVE = (
     "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
@@ -244,6 +260,8 @@ class Judgement:
         selected: effects of the verdict; empty unless it is `missing_effect`.
         credible: hypotheses that hold 90 %.
         reasons: sentences.
+        as_it_is: error of the model as it is on runs left out, over the floor.
+        best: that of the most probable listed explanation; of the model as it is where none was tried.
     """
 
     verdict: Verdict
@@ -251,16 +269,31 @@ class Judgement:
     selected: Kinds
     credible: tuple[Kinds, ...]
     reasons: tuple[str, ...]
+    as_it_is: Excess
+    best: Excess
+
+    @property
+    def contenders(self) -> str:
+        """The explanations that are left, in words."""
+        names = [named(kinds) for kinds in self.credible[:MOST_NAMED]]
+        if more := len(self.credible) - len(names):
+            names.append(f"{more} more")
+        return " or ".join(names)
 
     @property
     def sentence(self) -> str:
         """The verdict in one sentence, with the explanations that are left."""
-        contenders = [named(kinds) for kinds in self.credible[:MOST_NAMED]]
-        if more := len(self.credible) - len(contenders):
-            contenders.append(f"{more} more")
-        return HEADLINES[self.verdict].format(
-            kinds=" and ".join(self.selected), contenders=" or ".join(contenders)
+        return HEADLINES[self.verdict][0 if self.small else 1].format(
+            kinds=" and ".join(self.selected),
+            contenders=self.contenders,
+            left=self.as_it_is.words,
+            ratio=self.as_it_is,
         )
+
+    @property
+    def small(self) -> bool:
+        """Little is left to gain; the standard error counts while "nothing is missing" is credible."""
+        return self.as_it_is.small if NOTHING in self.credible else self.as_it_is.slight
 
 
 def named(kinds: Kinds) -> str:
@@ -283,7 +316,9 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) 
     first = next(iter(probability))
     verdict, reasons = _verdict(table, thresholds, n_excited, probability, first)
     selected = first if verdict == "missing_effect" else NOTHING
-    return Judgement(verdict, probability, selected, credible_set(probability), reasons)
+    best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
+    left_out = [table.excess(table.rows[kinds].heldout_square) for kinds in (NOTHING, best)]
+    return Judgement(verdict, probability, selected, credible_set(probability), reasons, *left_out)
 
 
 def _verdict(
@@ -321,9 +356,13 @@ def _verdict(
         )
     if probability[first] < thresholds.believed:
         return "ambiguous", ()
+    left = table.excess(table.nothing.heldout_square)
     if first == UNKNOWN:
+        size = f"{left} times the noise" if math.isfinite(left.ratio) else "well above the noise"
         return "unknown_effect", (
-            "The error is well above the noise, and no listed effect, nor a few of them together, brings it down.",
+            "It is more than chance, but no effect could take more than that away."
+            if left.slight
+            else f"The error is {size}, and no listed effect, nor a few of them together, brings it down.",
         )
     if first == NOTHING:
         if not noise.judged:
@@ -331,7 +370,11 @@ def _verdict(
                 "No listed effect helps, but without repeats or a stated sigma nobody can say whether the error "
                 "that is left is noise.",
             )
-        return "nothing_missing", ("The error is what the noise allows, and no listed effect lowers it.",)
+        return "nothing_missing", (
+            "The error is what the noise allows, and no listed effect lowers it."
+            if left.small
+            else "No listed effect lowers it. More such runs would tell whether it is one outside the list.",
+        )
     if not predicts_unseen(table, first):
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
     return "missing_effect", ()

@@ -13,6 +13,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.evidence.covariates import covariates
+from pliant.evidence.excess import STANDARD_ERRORS, Excess
 from pliant.evidence.importance import importance
 from pliant.evidence.places import (
     Place,
@@ -216,7 +217,6 @@ def _remarks(
     return remarks
 
 
-NEAR = 1.2  # times the floor: nothing to explain when no place stands out
 DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
 CLUE = 0.15  # of the error's variance
 LIFT = 1.25  # a narrower place is named when its error is denser by so much…
@@ -229,9 +229,10 @@ def interpret(comparison: Comparison) -> str:
         why = f"Whether that is more than the bench's own scatter cannot be judged, because {_missing(comparison)}."
         place = headline(comparison)
         return f"{_size(comparison)}. {why}{f' What stands out of it: {_place(place)}' if place else ''}"
-    ratio = comparison.rmse_over_floor
+    low, high = comparison.rmse_over_floor_interval
+    left = Excess(comparison.rmse_over_floor, (high - low) / (2.0 * STANDARD_ERRORS))  # about 95 %
     if not comparison.significant:
-        if ratio < NEAR:
+        if left.small:
             return (
                 f"Within the noise: the error is {times(comparison)} the noise floor and no condition stands out. "
                 "Nothing to explain here."
@@ -242,11 +243,11 @@ def interpret(comparison: Comparison) -> str:
         )
     start = (
         f"The model is off by {times(comparison)} the noise"
-        if ratio >= NEAR
+        if not left.slight
         else f"The error is {times(comparison)} the noise, so little is left to explain, yet it is no pure noise"
     )
     where = headline(comparison)
-    if where is None and ratio < NEAR:
+    if where is None and left.slight:
         where = max(comparison.significant, key=lambda place: abs(place.z))
     if where is None:
         return f"{start}; the error is spread over all conditions alike{_bias(comparison)}.{_goes_with(comparison)}"

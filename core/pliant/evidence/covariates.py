@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, named_unit, number, unit_of
+from pliant.formatting import NamedUnit, displayed_in, named_unit, number, unit_of
 from pliant.measurements.effective import clock_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -270,7 +270,9 @@ def binned(covariate: Covariate) -> Bins:
     elif not covariate.numeric:
         found, words, centres = values, list(covariate.categories), [np.nan] * len(covariate.categories)
     else:
-        found, words, centres = _numeric(covariate.shown, values)
+        with displayed_in({}):  # cut at round numbers of the usual units: a result is the same in every unit
+            usual = unit_of(covariate.name).factor
+        found, words, centres = _numeric(covariate.shown, values, usual)
     codes = np.where(np.isfinite(found), found, len(words)).astype(np.int64)
     return _used(
         covariate.name, covariate.shown, codes, [*words, covariate.rest], [*centres, np.nan], covariate.values
@@ -311,14 +313,14 @@ def _used(
     return Bins(name, shown, tuple(words[k] for k in used), by_run, tuple(float(centres[k]) for k in used))
 
 
-def _numeric(shown: NamedUnit, values: Array) -> tuple[Array, list[str], list[float]]:
+def _numeric(shown: NamedUnit, values: Array, usual: float) -> tuple[Array, list[str], list[float]]:
     there = values[np.isfinite(values)]
     levels = _levels(there)
     if levels is not None:
         edges, centres = (levels[1:] + levels[:-1]) / 2, levels.tolist()
         words = [f"{shown.label} {shown.text(value, 3)}" for value in centres]
     else:
-        edges, marks = _edges(there, shown.factor)
+        edges, marks = _edges(there, usual)
         place = np.searchsorted(edges, there, side="right")
         inside = [there[place == k] for k in range(len(edges) + 1)]
         centres = [float(np.median(v)) if len(v) else np.nan for v in inside]

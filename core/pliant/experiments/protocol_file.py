@@ -7,7 +7,7 @@ Filled in, it is a measurement file like any other; with the old file it is one 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +15,11 @@ import numpy as np
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.experiments.planned_run import PlannedRun
-from pliant.measurements.columns import unit_of
+from pliant.measurements.written_units import column_as_written
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES
 from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
-from pliant.tabular.units import conversion
 
 # Digits after which nobody sets a supply.
 DIGITS = 7
@@ -42,7 +41,8 @@ def write_protocol(
         path: the file.
         run: what to do.
         outputs: what is read in every run; what this run adds comes beside them.
-        measurement: the old one, so that the run and a new specimen get names of their own.
+        measurement: the old one: its headings and units are the new file's, and the run and a new specimen get names
+            that it does not have.
         notes: the study's renames and units, in which the file is written, because it will be read by them.
         study: its file, for the sentence on how to go on.
         data: the old one's files, for the same sentence; the names that it was read under by default.
@@ -52,15 +52,16 @@ def write_protocol(
     """
     notes = notes or MeasurementNotes()
     columns = _columns(run, outputs)
-    written = {name: kept for kept, name in notes.rename.items()}
     texts = {"run": _run_name(run, measurement), "specimen": _specimen(run, measurement)}
-    header = [written.get(name, name) for name in (*texts, *columns)]
-    values = [_in_unit(written.get(name, name), name, column, notes) for name, column in columns.items()]
+    written = {name: column_as_written(name, measurement, notes) for name in (*texts, *columns)}
+    headings = {name: heading for name, (heading, _, _) in written.items()}
+    header = list(headings.values())
+    values = [(column - written[name][2]) / written[name][1] for name, column in columns.items()]
     blank = [name for name in (*notes.rename, *notes.units) if name not in header]
     blank = [name for name in dict.fromkeys(blank) if notes.rename.get(name, name) not in (*texts, *columns)]
     start = ",".join(_quoted(text) for text in texts.values())
-    lines = [f"# {line}" for line in order(run, outputs, measurement, str(path), study, data)]
-    lines.append(",".join([*header, *blank]))
+    lines = [f"# {line}" for line in order(run, outputs, measurement, str(path), study, data, headings)]
+    lines.append(",".join(map(_quoted, [*header, *blank])))
     for row in zip(*(column.tolist() for column in values), strict=True):
         cells = ("" if value != value else repr(float(f"{value:.{DIGITS}g}")) for value in row)
         lines.append(",".join([start, *cells, *("" for _ in blank)]))
@@ -77,9 +78,10 @@ def order(
     file: str,
     study: str,
     data: Sequence[str] = (),
+    headings: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """The order in words, one sentence a line."""
-    history = run.history
+    """The order in words, one sentence a line; `headings` are the columns' in the file where they are not Pliant's."""
+    history, headed = run.history, lambda name: (headings or {}).get(name, name)
     temperature, angles = float(history.temperature_c[0]), np.rad2deg(history.base_angles_rad[0])
     there = "in these states" if history.time_s is None else "at these times"
     lines = [
@@ -89,13 +91,13 @@ def order(
         if run.new_specimen
         else "Specimen: the one that was measured.",
         f"Temperature {temperature:g} °C; base roll {angles[0]:g}°, pitch {angles[1]:g}°, yaw {angles[2]:g}°.",
-        f"Read {', '.join(dict.fromkeys((*outputs, *run.adds)))} {there} and fill in the blank columns; write "
-        "down the drive, the load and the temperature as they were, where they differ.",
+        f"Read {', '.join(dict.fromkeys(map(headed, (*outputs, *run.adds))))} {there} and fill in the blank columns; "
+        "write down the drive, the load and the temperature as they were, where they differ.",
     ]
     if np.any(history.moment_n_m):
-        lines.append("moment_n_m opposes the drive's torque; negative pushes along with it.")
+        lines.append(f"{headed('moment_n_m')} opposes the drive's torque; negative pushes along with it.")
     if history.valve_open is not None:
-        lines.append("valve_open is 0 where the valve at the specimen is closed.")
+        lines.append(f"{headed('valve_open')} is 0 where the valve at the specimen is closed.")
     read = (data or (measurement.source or "OLD.csv").split(" + ")) if measurement is not None else ()
     given = " ".join(f"--data {shlex.quote(name)}" for name in (*read, file))
     return [*lines, f"Then: pliant diagnose {shlex.quote(study)} {given}"]
@@ -116,15 +118,6 @@ def _columns(run: PlannedRun, outputs: Sequence[str]) -> dict[str, Array]:
     found["temperature_c"] = history.temperature_c
     found |= {name: row for name, row in turns.items() if np.any(row)}
     return found | dict.fromkeys((*outputs, *run.adds), missing)
-
-
-def _in_unit(written: str, name: str, values: Array, notes: MeasurementNotes) -> Array:
-    """Values in the unit in which a column of this name will be read."""
-    unit = notes.units.get(written, notes.units.get(name))
-    if unit is None or not unit_of(name):
-        return values
-    scale, shift = conversion(unit, unit_of(name), f"column '{written}'")
-    return (values - shift) / scale
 
 
 def _run_name(run: PlannedRun, measurement: Measurement | None) -> str:

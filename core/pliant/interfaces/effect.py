@@ -39,6 +39,8 @@ class EffectParameter:
         plausible: the range that would not surprise an expert: the central 90 % of the prior.
         role: `strength` scales the effect and makes it vanish at `neutral`; `shape` says when or how it acts.
         prior: `normal`, or `log_normal` for numbers whose order of magnitude is open (times, widths).
+        simpler: for a `shape`, values at which a simpler form is enough, each with what that means in the effect's
+            own words: ``(0.01, "one volume is enough")``. A fit that ends there is no cause for alarm.
     """
 
     name: str
@@ -48,6 +50,7 @@ class EffectParameter:
     plausible: tuple[float, float]
     role: Role = "strength"
     prior: Prior = "normal"
+    simpler: tuple[tuple[float, str], ...] = ()
 
     def problem(self) -> str | None:
         """What is wrong with the declaration, or None."""
@@ -63,6 +66,11 @@ class EffectParameter:
                 return f"{what} '{value}' is not one of {', '.join(get_args(known))}"
         if self.prior == "log_normal" and least <= 0:
             return f"a log-normal prior has no room for {least:g}"
+        if self.simpler and self.role != "shape":
+            return "a strength has no simpler form: at its neutral value the effect vanishes"
+        for at, words in self.simpler:
+            if not (low <= at <= high and words):
+                return f"simpler form {at:g} '{words}' is outside the bounds {self.bounds} or has no words"
         return None
 
 
@@ -74,16 +82,19 @@ def parameter(
     unit: str = "",
     role: Role = "strength",
     prior: Prior = "normal",
+    simpler: Mapping[float, str] | None = None,
     description: str = "",
 ) -> Any:
     """A field of an `EffectConfig` that calibration may fit: the one declaration of an `EffectParameter`.
 
     The field's default is `neutral`, its hard limits are `bounds`, both ends included. A field of a quantity
-    (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `EffectConfig.fit_parameters` raises
+    (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `simpler` says of a shape at which
+    values a simpler form is enough, and how: ``{0.01: "one volume is enough"}``. `EffectConfig.fit_parameters` raises
     `TypeError` for a declaration that cannot be.
     """
     field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description or None)  # type: ignore[assignment]
-    field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior))
+    forms = tuple((simpler or {}).items())
+    field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior, forms))
     return field
 
 
@@ -132,10 +143,11 @@ def _unit(model: type[EffectConfig], name: str, stated: str) -> str:
 
 @dataclass(frozen=True)
 class EffectNotes:
-    """An effect in words, for the catalogue and for what `pliant diagnose` says.
+    """An effect in words, for the catalogue and for what `pliant diagnose` says; its manifest's summary names it.
 
     Attributes:
         signature: what gives it away in the data.
+        on_the_bench: what to look at or to do at the bench itself, as an order, one sentence.
         look_alike: the kind that it is most easily taken for.
         told_apart: what separates the two.
         excited_by: the run to do so that it shows, as an order to the bench.
@@ -143,6 +155,7 @@ class EffectNotes:
     """
 
     signature: str = ""
+    on_the_bench: str = ""
     look_alike: str = ""
     told_apart: str = ""
     excited_by: str = ""

@@ -12,6 +12,8 @@ from pliant.config.study import Study
 from pliant.evidence.comparison import compare
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
+from pliant.formatting import displayed_in
+from pliant.measurements.written_units import units_as_written
 from pliant.notebook import frames
 from pliant.notebook.changes import as_overrides
 from pliant.notebook.result import Result
@@ -164,8 +166,9 @@ class StudyHandle:
             return Result(counts, counts_document(self.name, counted.counts, counts))
         model = api.predictor(self.opened, data)
         predicted = model.predict()
-        found = compare(model.measurement, predicted)
-        document = comparison_document(self.name, model.measurement, predicted, found)
+        with displayed_in(units_as_written(model.measurement)):
+            found = compare(model.measurement, predicted)
+            document = comparison_document(self.name, model.measurement, predicted, found)
         return Result(
             found,
             document,
@@ -178,25 +181,29 @@ class StudyHandle:
     ) -> Result[Any]:
         """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`."""
         measurement = api.read_measurement(self.opened, data)
-        found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
         registry = self.opened.bench.registry
-        document = diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
+        with displayed_in(units_as_written(measurement)):
+            found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
+            document = diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
         return Result(found, document, plots.hypotheses, frames.hypotheses)
 
     def extend(self, *effects: str, data: Data = None) -> Result[Any]:
         """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`."""
         measurement = api.read_measurement(self.opened, data)
-        found = api.extend(self.opened, effects, measurement)
-        return Result(found, extension_document(self.name, measurement, found, self.opened.bench.registry))
+        with displayed_in(units_as_written(measurement)):
+            found = api.extend(self.opened, effects, measurement)
+            document = extension_document(self.name, measurement, found, self.opened.bench.registry)
+        return Result(found, document)
 
     def improve(
         self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
     ) -> Result[Any]:
         """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`."""
         measurement = api.read_measurement(self.opened, data)
-        found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
         registry = self.opened.bench.registry
-        document = improvement_document(self.name, measurement, found, registry, effects or ())
+        with displayed_in(units_as_written(measurement)):
+            found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
+            document = improvement_document(self.name, measurement, found, registry, effects or ())
         return Result(found, document, plots.steps, frames.steps)
 
     def optimize(self, workers: int | None = None) -> Result[Any]:

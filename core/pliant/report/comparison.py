@@ -22,7 +22,6 @@ from pliant.report.document import (
     Picture,
     Section,
     Table,
-    Warned,
     as_json,
     brief_table,
     capital,
@@ -32,6 +31,7 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.evidence_view import Compared
+from pliant.report.fitted import caveat
 from pliant.units import si_unit
 
 OUTPUTS_DRAWN, OUTPUTS_OF_GROUPS = 2, 6
@@ -143,7 +143,7 @@ def comparison_document(
         sentence=interpret(comparison),
         data=comparison_json(comparison),
         brief=tuple(brief),
-        warnings=tuple(map(Warned, comparison.remarks)),
+        warnings=tuple(map(caveat, comparison.remarks)),
         draw=lambda: _drawn(Compared(measurement, predicted, comparison)),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )

@@ -19,14 +19,13 @@ from pliant.report.document import (
     Column,
     Document,
     Drawn,
-    Warned,
     as_json,
     brief_table,
     drawn,
     page_table,
     section,
 )
-from pliant.report.fitted import probability_text, verdict_json
+from pliant.report.fitted import caveat, probability_text, verdict_json
 
 HYPOTHESES_BRIEF = 12  # rows of the terminal's table
 NAMED = 4
@@ -122,7 +121,7 @@ def counts_diagnosis_document(
         data=counts_diagnosis_json(found, judged, registry),
         brief=(brief_table(EVERY_COLUMN, weighed_hypotheses(found)[:HYPOTHESES_BRIEF]),),
         points=tuple(reasons),
-        warnings=tuple(map(Warned, found.comparison.remarks)),
+        warnings=tuple(map(caveat, found.comparison.remarks)),
         closing=(judged.sentence, *reasons),
         draw=lambda: _drawn(found),
         footer=f"Counts: {counts.source or 'given in memory'}",

@@ -16,13 +16,13 @@ from pliant.report.document import (
     Drawn,
     Picture,
     Table,
-    Warned,
     as_json,
     brief_table,
     drawn,
     page_table,
     section,
 )
+from pliant.report.fitted import caveat
 
 CONDITIONS_BRIEF = 40  # rows of the terminal's table
 NAMED = 4
@@ -105,7 +105,7 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
         sentence=interpret_counts(found),
         data=counts_json(found),
         brief=(Table("", table.head, [*table.rows, last], table.note), *more),
-        warnings=tuple(map(Warned, found.remarks)),
+        warnings=tuple(map(caveat, found.remarks)),
         draw=lambda: _drawn(found),
         footer=f"Counts: {counts.source or 'given in memory'}",
     )

@@ -158,9 +158,13 @@ def numbers_text(found: Diagnosis) -> str:
 
 
 def implausible(found: Diagnosis) -> list[str]:
-    """Parameters of the best explanation outside their plausible range, a sentence each."""
+    """Parameters of the best explanation outside their plausible range that need their shape, a sentence each."""
     fitted = found.estimates.get(found.explained)
-    return [] if fitted is None else [implausible_text(e) for e in fitted.estimates if not e.plausible]
+    return (
+        []
+        if fitted is None
+        else [implausible_text(e) for e in fitted.estimates if not (e.plausible or e.simpler)]
+    )
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant import __version__
-from pliant.formatting import Unit, number
+from pliant.formatting import Unit, displayed, number
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -192,6 +193,15 @@ def section(
     return Section(title, pictures, tables, note, paragraphs) if pictures or tables else None
 
 
+class Rank(IntEnum):
+    """What a warning is about, the gravest first."""
+
+    UNIT = 0  # a unit may be wrong: no number is to be believed before that is settled
+    FLOOR = 1  # the noise floor cannot judge
+    DATA = 2  # what the data lack, and what the result rests on
+    DETAIL = 3
+
+
 @dataclass(frozen=True)
 class Warned:
     """A warning: one sentence and, where there are several cases, a list of them; `folded`: on the page alone."""
@@ -199,6 +209,7 @@ class Warned:
     sentence: str
     items: tuple[str, ...] = ()
     folded: bool = False
+    rank: Rank = Rank.DATA
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +236,14 @@ class Document:
         data: the JSON object: plain SI values by the keys of docs/formats.md.
         brief: tables and lines that the terminal prints first.
         points: sentences beneath the result.
-        warnings: what limits the result, the gravest first.
+        warnings: what limits the result; renderers show them by rank.
         closing: what the terminal prints last; the sentence where there is nothing else.
         draw: makes hero and sections; called where a page is written only.
         footer: the page's last line.
         page: the name of the page's file.
         version: of Pliant that made what the page shows.
+        units: those that stood before the usual ones when it was made (`pliant.formatting.displayed_in`), and stand
+            so when it is drawn.
     """
 
     kind: str
@@ -245,6 +258,17 @@ class Document:
     footer: str = ""
     page: str = "report.html"
     version: str = __version__
+    units: Mapping[str, Unit] = field(default_factory=displayed)
+
+    @property
+    def ranked(self) -> tuple[Warned, ...]:
+        """The warnings, the gravest first, those that are folded last."""
+        return tuple(sorted(self.warnings, key=lambda warned: (warned.folded, warned.rank)))
+
+    @property
+    def unit_doubts(self) -> tuple[Warned, ...]:
+        """Warnings to settle before anything else is believed."""
+        return tuple(warned for warned in self.warnings if warned.rank == Rank.UNIT)
 
 
 @dataclass(frozen=True, eq=False)

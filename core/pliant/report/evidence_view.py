@@ -16,7 +16,7 @@ from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.scores import GroupError
-from pliant.formatting import NamedUnit, unit_of
+from pliant.formatting import NamedUnit, display_unit, unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
@@ -78,11 +78,11 @@ def with_ratio(group: GroupError) -> str:
 
 
 def clock(run: MeasuredRun) -> tuple[Array, str]:
-    """(t,) time from the run's start, or sample numbers, and the axis' label."""
+    """(t,) time from the run's start in its display unit, or sample numbers, and the axis' label."""
     if run.history.time_s is None:
         return np.arange(1.0, len(run) + 1), "sample"
-    time = np.asarray(run.history.time_s, float)
-    return time - time[:1], "time in the run (s)"
+    time, unit = np.asarray(run.history.time_s, float), display_unit("s")
+    return unit.factor * (time - time[:1]), f"time in the run ({unit.symbol})"
 
 
 def abscissa(compared: Compared) -> tuple[str, NamedUnit] | None:

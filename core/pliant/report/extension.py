@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
-from pliant.report.document import Document, Warned
-from pliant.report.fitted import doubtful, errors_json, floors_json, parameters_brief, parameters_json
+from pliant.report.document import Document
+from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
 
 
 def extension_document(
@@ -38,8 +39,12 @@ def extension_document(
         title=title,
         sentence=_absent(found, registry) if found.absent else sentence,
         data={**extension_json(found), "remarks": notes},
-        brief=(parameters_brief(found.uncertainty), *falls),
-        warnings=tuple(map(Warned, (*notes, *doubts))),
+        brief=(
+            *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
+            parameters_brief(found.uncertainty),
+            *falls,
+        ),
+        warnings=tuple(map(caveat, (*notes, *doubts))),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
     )
 

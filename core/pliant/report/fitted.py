@@ -13,8 +13,9 @@ from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
+from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
-from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
+from pliant.report.document import Column, Rank, Table, Warned, as_json, brief_table, page_table
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
@@ -52,7 +53,7 @@ PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
     Column("0.plausible"),
     Column("0.at_limit"),
     Column("0.includes_neutral"),
-    Column("0.doubts", "", " ", show=", ".join),
+    Column("0.remarks", "", " ", show=", ".join),
 )
 
 
@@ -113,6 +114,29 @@ def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, A
     return {**said, "ranked": [asdict(one) for one in found.ranked], "file": file}
 
 
+# What a remark is about, by what it holds; the first that fits. All others are about the data.
+RANKS: tuple[tuple[Rank, tuple[str, ...]], ...] = (
+    (Rank.UNIT, (TO_CHECK,)),
+    (Rank.FLOOR, ("no repeats", "repeats or a stated sigma", "without any noise", "have no noise")),
+    (
+        Rank.DETAIL,
+        (
+            "was left out: ",
+            "is ignored",
+            "not known and ignored",
+            "was converted",
+            "is read as",
+            "stated sigma",
+        ),
+    ),
+)
+
+
+def caveat(text: str) -> Warned:
+    """A remark as a warning with its rank."""
+    return Warned(text, rank=next((r for r, held in RANKS if any(h in text for h in held)), Rank.DATA))
+
+
 def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:
     """Remarks as warnings: shipped effects that the chain cannot have stand together, unless asked for by name."""
     shipped = {
@@ -121,12 +145,12 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
         if component.interface == "effect" and component.implementation.startswith("pliant_plugins.")
     } - set(asked)
     plain, impossible = [], {}
-    for remark in remarks:
-        left = LEFT_OUT.match(remark)
+    for text in remarks:
+        left = LEFT_OUT.match(text)
         if left is not None and left[1] in shipped:
-            impossible[left[1]] = remark
+            impossible[left[1]] = text
         else:
-            plain.append(Warned(remark))
+            plain.append(caveat(text))
     if impossible:
         sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
         plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
@@ -152,8 +176,9 @@ def value_text(value: float, sd: float, si: str) -> str:
 
 
 def estimate_text(one: Estimate) -> str:
-    """``0.213 ± 0.004``, and whether it is implausible or at its bound."""
+    """``0.213 ± 0.004``, and whether it is implausible or at its bound, or that a simpler form is enough."""
     flags = [*([] if one.plausible else ["implausible"]), *(["at its bound"] if one.at_limit else [])]
+    flags = [one.simpler] if one.simpler else flags
     flagged = f" ({', '.join(flags)})" if flags else ""
     return value_text(one.value, one.sd, one.parameter.unit) + flagged
 

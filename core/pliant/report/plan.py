@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,10 +11,10 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.next_run import NextRun, RankedRun
 from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
-from pliant.formatting import listed, plural
+from pliant.formatting import listed, plural, whole_percent
 from pliant.records.measurement import Measurement
-from pliant.report.document import Column, Document, Table, as_json, brief_table
-from pliant.report.fitted import next_run_json
+from pliant.report.document import Column, Document, Rank, Table, as_json, brief_table
+from pliant.report.fitted import caveat, next_run_json
 
 KIND = "Pliant: what to measure next"
 MOST_RANKED = 6
@@ -23,12 +24,16 @@ NO_LISTED = (
     "depends on."
 )
 NONE_SHOWS = "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
+OF_EACH_ALONE = (
+    "Each run alone: the yes-or-no questions that it is expected to answer per minute on the bench, and the chance "
+    "that the verdict after it names the right explanation."
+)
 RUN_COLUMNS: tuple[Column[PlannedRun], ...] = (Column("name"), Column("words", "run"), Column("minutes"))
 RANKED_COLUMNS: tuple[Column[RankedRun], ...] = (
     Column("name", brief="run"),
     Column("minutes", brief="minutes", show=lambda minutes: f"{minutes:g}"),
-    Column("gain_per_minute", brief="nats a minute", show=lambda gain: f"{gain:.3f}"),
-    Column("expected", brief="right after it", show=lambda share: f"{share:.0%}"),
+    Column("gain_per_minute", brief="questions a minute", show=lambda nats: f"{nats / math.log(2.0):.2f}"),
+    Column("expected", brief="right after it", show=whole_percent),
 )
 
 
@@ -52,7 +57,7 @@ def plan_document(
     """
     lines: list[Table | str] = [found.judgement.sentence]
     if chosen:
-        lines.append(brief_table(RANKED_COLUMNS, chosen[0].ranked[:MOST_RANKED]))
+        lines.append(brief_table(RANKED_COLUMNS, chosen[0].ranked[:MOST_RANKED], OF_EACH_ALONE))
     for one, file in zip(chosen, files, strict=True):
         lines += [f"{one.name} ({one.minutes:g} min): {one.run}", f"  {one.why}"]
         for a in dict.fromkeys(a for a, _ in one.separates):
@@ -74,6 +79,7 @@ def plan_document(
             "remarks": [*found.remarks, *([remark] if remark else [])],
         },
         brief=tuple(lines),
+        warnings=tuple(one for one in map(caveat, found.remarks) if one.rank == Rank.UNIT),
     )
 
 

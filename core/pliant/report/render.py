@@ -7,15 +7,26 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from pliant.formatting import units_of_page
-from pliant.report.document import Document, Page, Table
+from pliant.formatting import displayed_in, units_of_page
+from pliant.report.document import Document, Page, Table, Warned
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 
-def terminal(document: Document) -> Iterator[RichTable | str]:
-    """Everything that a terminal prints, in its order: tables and lines, notes, the sentence."""
+MOST_NOTES = 5
+SETTLE_FIRST = "A unit looks wrong (first note): settle that first, then believe the rest."
+
+
+def terminal(document: Document, has_page: bool = False) -> Iterator[RichTable | str]:
+    """Everything that a terminal prints, in its order: unit doubts, tables and lines, notes, the sentence.
+
+    `has_page`: a page has all notes, so that the terminal shows the gravest ones and counts the rest.
+    """
+    unfolded = [warned for warned in document.ranked if not warned.folded]
+    shown = unfolded[:MOST_NOTES] if has_page else unfolded
+    doubts = shown[: len(document.unit_doubts)]
+    yield from (line for warned in doubts for line in _note(warned))
     for block in document.brief:
         if isinstance(block, str):
             yield block
@@ -23,11 +34,19 @@ def terminal(document: Document) -> Iterator[RichTable | str]:
             yield rich_table(block)
             if block.note:
                 yield block.note
-    for warned in document.warnings:
-        yield f"note: {warned.sentence}"
-        if not warned.folded:
-            yield from (f"  {item}" for item in warned.items)
+    for warned in shown[len(doubts) :]:
+        yield from _note(warned)
+    if more := len(unfolded) - len(shown):
+        yield f"note: {more} more in the report."
+    yield from (f"note: {warned.sentence}" for warned in document.ranked if warned.folded)
     yield from document.closing or filter(None, [document.sentence])
+    if doubts:
+        yield SETTLE_FIRST
+
+
+def _note(warned: Warned) -> Iterator[str]:
+    yield f"note: {warned.sentence}"
+    yield from (f"  {item}" for item in warned.items)
 
 
 def rich_table(table: Table) -> RichTable:
@@ -50,17 +69,19 @@ def page(document: Document) -> Page:
 
     The same document gives the same bytes. Every text is escaped.
     """
-    drawn = document.draw()
+    with displayed_in(document.units):
+        drawn = document.draw()
+        footer = document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up"
     html = page_template().render(
         kind=document.kind,
         title=document.title,
         sentence=document.sentence,
-        points=document.points,
+        points=(SETTLE_FIRST, *document.points) if document.unit_doubts else document.points,
         hero=drawn.hero,
-        warnings=document.warnings,
+        warnings=document.ranked,
         sections=drawn.sections,
         version=document.version,
-        footer=document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up",
+        footer=footer,
     )
     pictures = [p for section in drawn.sections for p in section.pictures]
     shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures

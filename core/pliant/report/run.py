@@ -17,7 +17,9 @@ from pliant.formatting import (
     number,
     percent,
     small_length,
+    stem_and_unit,
     unbroken,
+    unit_of,
 )
 from pliant.pipeline.study import EngineRun, StudyRun, law_components
 from pliant.pipeline.workbench import Workbench
@@ -27,7 +29,7 @@ from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
 from pliant.report.folder import DesignResult, EngineResult, FinishedRun, finished, table_name
-from pliant.report.provenance import duration, made_by, nested, stage_json
+from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.run_view import (
     actuation_text,
     distances_m,
@@ -151,9 +153,13 @@ def _engine_line(engine: EngineRun) -> str:
         return f"{engine.kind:<12} skipped: {engine.skipped}"
     result: TaskResult = engine.artifact.value
     if result.stills:  # contact holds the arms: their tips and residuals say little
-        numbers = [f"{name} {v:.4g}" for name, v in result.metrics.items() if isinstance(v, float)]
+        numbers = [
+            f"{stem_and_unit(name)[0]} {unit_of(name).text(v)}"
+            for name, v in result.metrics.items()
+            if isinstance(v, float)
+        ]
         if "mode" in result.metrics:
-            grasped = ("z_end_m", "success_share")
+            grasped = ("z_end", "success_share")
             numbers = [f"{result.metrics['mode']}", *(n for n in numbers if n.startswith(grasped))]
         return f"{engine.kind:<12} {', '.join((*numbers[:3], duration(engine.artifact)))}"
     length = display_unit("m")
@@ -166,19 +172,23 @@ def _engine_line(engine: EngineRun) -> str:
 
 
 def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
-    """A task's metrics in SI for the terminal; curves and tables stand in the JSON result."""
+    """A task's metrics in display units for the terminal; curves and tables stand in the JSON result."""
     lines = []
     for name, value in metrics.items():
         items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
         if not any(isinstance(item, list) for item in items):
-            lines.append(f"  {name:<24} {nested(value, _in_si)}")
+            lines.append(f"  {stem_and_unit(name)[0]:<24} {_metric_text(name, value)}")
     return lines
 
 
-def _in_si(value: Any) -> str:
-    if isinstance(value, bool):
-        return number(value)
-    return f"{value:.6g}" if isinstance(value, float) else f"{value}"
+def _metric_text(name: str, value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{stem_and_unit(key)[0]} {_metric_text(key, item)}" for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_metric_text(name, item) for item in value)
+    if isinstance(value, float):
+        return unit_of(name).text(value, 6)
+    return number(value) if isinstance(value, bool) else f"{value}"
 
 
 def result_sentence(run: FinishedRun) -> str:

@@ -87,6 +87,18 @@ def has_a_strength(subject: Subject) -> None:
 
 
 @declared
+def says_where_a_simpler_form_is_enough(subject: Subject) -> None:
+    """a shape whose neutral value is a bound says by `simpler` what form is enough there."""
+    for p in parameters(subject):
+        if p.role == "shape" and p.neutral in p.bounds:
+            how = f'write simpler={{{p.neutral:g}: "…"}} into its `parameter(…)`, such as "one volume is enough"'
+            told = p.neutral in dict(p.simpler)
+            require(
+                told, f"shape '{p.name}' is neutral at its bound {p.neutral:g}, and nothing says so: {how}"
+            )
+
+
+@declared
 def config_keeps_the_bounds(subject: Subject) -> None:
     """the config takes every value of a parameter within its bounds, and none outside."""
     for p in parameters(subject):

@@ -32,6 +32,8 @@ class ActuationGain(Effect):
     notes = EffectNotes(
         signature="the error grows in proportion to the pressure and is gone at zero pressure, whatever the load; up "
         "and down, fast and slow are alike.",
+        on_the_bench="hold a second gauge to the chamber at full pressure and measure the inside of one module: "
+        "pressure times area is the drive.",
         look_alike="stiffness",
         told_apart="a load without pressure: a gain is silent there, a stiffness is not.",
         excited_by="step the pressure through its whole range without load, then hang a load at zero pressure.",

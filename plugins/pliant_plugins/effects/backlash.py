@@ -38,6 +38,8 @@ class Backlash(Effect):
         signature="after every reversal the reading stands still until the joint has turned by the clearance, then "
         "follows with the model's slope; the loop is as wide at any rate, pressure and load, and positions have "
         "none.",
+        on_the_bench="turn the joint a little back and forth by hand while you watch the reading; tighten the grub "
+        "screw or preload the shaft by a spring.",
         look_alike="friction_hysteresis",
         told_apart="positions: friction holds the chain itself back, a play only its reading. By angles alone: the "
         "loop of a play is as wide where the joint is stiff as where it is soft, friction's narrows as the joint "

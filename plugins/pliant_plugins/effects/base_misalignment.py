@@ -38,6 +38,8 @@ class BaseMisalignment(Effect):
         signature="all positions are turned about the base by one angle, at rest too, the tip by the length times "
         "the angle. Angles are off only as far as gravity bends the chain, as they are with the base turned by the "
         "tilt.",
+        on_the_bench="put a level on the clamp and hang a plumb line beside the vented chain; shim the clamp, or "
+        "state 'chain.base'.",
         look_alike="gravity_scale",
         told_apart="with the base hanging a wrong weight bends nothing, and the error of a tilt is largest there; "
         "with the base level it is the other way round. A tilt moves the tip of an unloaded chain, a weight does "

@@ -38,6 +38,8 @@ class Bimodulus(Effect):
     notes = EffectNotes(
         signature="under loads without pressure the angle is too small one way and too large the other; there is a "
         "kink in the curve of angle over load at the straight joint, the same at every rate.",
+        on_the_bench="pull the vented joint to either side with a spring scale, and look for a wall, a seam or a "
+        "sleeve that lies off the middle.",
         look_alike="stiffness",
         told_apart="load steps of both signs without pressure: a stiffness is off by the same factor both ways, a "
         "bimodulus by opposite ones.",

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Ring
@@ -40,6 +40,8 @@ class CrossAxis(Effect):
     notes = EffectNotes(
         signature="under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what "
         "is missing within the plane is of second order. At rest positions are right, and so are angles.",
+        on_the_bench="sight along the chain while it bends: do the seams or the stiff layers of all modules lie in "
+        "one line?",
         look_alike="base_misalignment",
         told_apart="a tilted or turned base moves the tip of the unloaded chain too and shows in angles when gravity "
         "acts; a turned axis shows only as the chain bends.",
@@ -52,11 +54,10 @@ class CrossAxis(Effect):
     config: CrossAxisConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its joints' axes turned. Raises `UserError` for a chain that does not bend."""
+        """The model with its joints' axes turned. Raises `ImpossibleEffectError` for a chain that does not bend."""
         if model.chain.laws[0].joint == "prismatic":
-            raise UserError(
-                f"effect '{self.config.kind}' turns the axis about which modules bend, and this chain only extends; "
-                "take it out of 'effects'."
+            raise ImpossibleEffectError(
+                f"effect '{self.config.kind}' turns the axis about which modules bend, and this chain only extends"
             )
         if self.config.turn_rad == 0.0:
             return model

@@ -35,6 +35,8 @@ class DeadZone(Effect):
     notes = EffectNotes(
         signature="nothing moves at the smallest pressures, and above the threshold the angle lags behind by the "
         "same pressure; up and down are alike.",
+        on_the_bench="raise the pressure by hand from zero and note where the joint first moves; read the smallest "
+        "pressure in the regulator's data sheet.",
         look_alike="pressure_offset",
         told_apart="at zero pressure a dead zone is silent; an offset bends the joint there.",
         excited_by="raise the pressure from zero in small steps through the lowest tenth of the range, and lower it "

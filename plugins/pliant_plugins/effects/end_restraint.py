@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.law_around import LawAround
 from pliant.records.chain import Joint
@@ -82,6 +82,8 @@ class EndRestraint(Effect):
     notes = EffectNotes(
         signature="the joints at the clamp and at the cap bend too little by the same share at every pressure and "
         "load, those between them are right; the tip's turn is off by a constant, however many modules there are.",
+        on_the_bench="look how far glue, hose clamp and cap reach over the first and the last bellow, and whether "
+        "the clamp itself gives.",
         look_alike="stiffness",
         told_apart="read every joint's angle: a stiffness is wrong in all of them, held ends at the ends alone.",
         excited_by="film a marker on every module through a slow pressure sweep, without a load and with loads "
@@ -92,12 +94,13 @@ class EndRestraint(Effect):
     config: EndRestraintConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its end joints shortened. Raises `UserError` for a chain of one joint: both ends are it."""
+        """The model with its end joints shortened. Raises `ImpossibleEffectError` for a chain of one joint."""
         chain = model.chain
         if chain.n_joints < 2:
-            raise UserError(
-                "effect 'end_restraint' tells the ends of a chain from its middle and needs two joints or more; "
-                "this chain has one. Take it out of 'effects', or raise 'chain.modules'."
+            raise ImpossibleEffectError(
+                "effect 'end_restraint' tells the ends of a chain from its middle and needs two joints or more, and "
+                "this chain has one",
+                "take it out of 'effects', or raise 'chain.modules'",
             )
         c = self.config
         per_give = len(chain.actuators) / rest_stiffness(chain)

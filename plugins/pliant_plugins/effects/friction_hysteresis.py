@@ -28,7 +28,12 @@ class FrictionHysteresisConfig(EffectConfig):
     half_width_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
     """friction moment / stiffness at rest, per joint"""
     break_away_rad: Angle = parameter(
-        neutral=0.01, bounds=(0.002, 0.05), plausible=(0.003, 0.03), role="shape", prior="log_normal"
+        neutral=0.01,
+        bounds=(0.002, 0.05),
+        plausible=(0.003, 0.03),
+        role="shape",
+        prior="log_normal",
+        simpler={0.002: "it slips at once"},
     )
     """angle after which a joint slips"""
 
@@ -40,6 +45,8 @@ class FrictionHysteresis(Effect):
     notes = EffectNotes(
         signature="loading and unloading run apart by the same width at every rate; after a reversal the joint first "
         "stands nearly still; in a hold nothing drifts, and the joint does not return to where it began.",
+        on_the_bench="bend the vented joint by hand to either side, let it come back slowly and mark where it stays; "
+        "look for sleeves, hoses and cables that rub.",
         look_alike="viscoelastic",
         told_apart="the loop of friction is as wide in a slow run as in a fast one and does not close in a hold.",
         excited_by="cycle the pressure up and down, with small loops inside the large one, at two rates a factor of "

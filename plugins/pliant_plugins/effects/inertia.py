@@ -25,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.inertia import mass_matrix
 from pliant.records.chain import ChainModel
@@ -45,7 +45,12 @@ class InertiaConfig(EffectConfig):
     scale: Ratio = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.3, 2.0))
     """inertia that acts / that of the chain's masses"""
     damping_ratio: Ratio = parameter(
-        neutral=0.1, bounds=(0.0, 0.5), plausible=(0.02, 0.3), role="shape", prior="log_normal"
+        neutral=0.1,
+        bounds=(0.0, 0.5),
+        plausible=(0.02, 0.3),
+        role="shape",
+        prior="log_normal",
+        simpler={0.0: "the swing needs no damping of its own"},
     )
     """damping of the swing / critical, at scale 1"""
 
@@ -57,6 +62,8 @@ class Inertia(Effect):
     notes = EffectNotes(
         signature="after a fast step the joint overshoots and rings at a frequency that falls with the mass it "
         "carries; in slow runs and holds nothing is seen.",
+        on_the_bench="film a quick vent at fifty pictures a second or more and count the swings; weigh what hangs at "
+        "the tip.",
         look_alike="viscous_damping",
         told_apart="damping only delays; a mass overshoots, the more the heavier the payload.",
         excited_by="step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a "
@@ -96,9 +103,10 @@ def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
     scale = np.sqrt(stiffness)
     slowest = float(np.linalg.eigvalsh(mass / np.outer(scale, scale))[-1])  # 1/ω²
     if not slowest > 0.0:
-        raise UserError(
-            "effect 'inertia' needs masses, and the chain has none beyond its base; give the material a density, the "
-            "chain's modules a mass or the chain a payload, or take it out of 'effects'."
+        raise ImpossibleEffectError(
+            "effect 'inertia' needs masses, and the chain has none beyond its base",
+            "give the material a density, the chain's modules a mass or the chain a payload, or take it out of "
+            "'effects'",
         )
     return tuple((slowest * stiffness).tolist())
 

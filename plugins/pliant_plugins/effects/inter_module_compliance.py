@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import ChainModel, Joint
 from pliant.records.law import JointLaw
@@ -43,6 +43,8 @@ class InterModuleCompliance(Effect):
         signature="the chain bends farther under loads than its modules do, the more the larger the moment that "
         "passes a connection; joints between two others are off by more than those at the ends, and one module is "
         "right.",
+        on_the_bench="bend two neighbouring modules by hand and watch the joint of glue or the connector between "
+        "them.",
         look_alike="stiffness",
         told_apart="read every joint: a stiffness is off by one factor in all of them, connections by half as much "
         "in the first and the last; and where pressure or a large angle stiffens modules, connections stay as they "
@@ -70,14 +72,13 @@ class InterModuleCompliance(Effect):
 
     def _check(self, chain: ChainModel) -> None:
         if chain.laws[0].joint == "prismatic":
-            raise UserError(
-                f"effect '{self.config.kind}' needs modules that bend, and this chain only extends; take it out of "
-                "'effects'."
+            raise ImpossibleEffectError(
+                f"effect '{self.config.kind}' needs modules that bend, and this chain only extends"
             )
         if chain.n_joints < 2:
-            raise UserError(
-                f"effect '{self.config.kind}' is about connections between modules, and the chain has one module; "
-                "take it out of 'effects', or give 'chain.modules' 2 or more."
+            raise ImpossibleEffectError(
+                f"effect '{self.config.kind}' is about connections between modules, and the chain has one module",
+                "take it out of 'effects', or give 'chain.modules' 2 or more",
             )
 
 

@@ -47,6 +47,8 @@ class Leak(Effect):
     notes = EffectNotes(
         signature="with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to "
         "the supply it stands nearly still, a small share below the model.",
+        on_the_bench="close the valve at full pressure, watch the gauge for a minute and brush soapy water over "
+        "seams and fittings.",
         look_alike="viscoelastic",
         told_apart="a material that relaxes goes on bending under a pressure that is held by the regulator; a leak "
         "shows only once the valve is closed, and always toward the straight joint.",

@@ -41,6 +41,7 @@ class LinkStretch(Effect):
     notes = EffectNotes(
         signature="angles are right and positions too near the base, by a share of their distance that grows with "
         "the pressure; without pressure they are right, under any load.",
+        on_the_bench="hold a ruler beside the chain and measure its length vented and at full pressure.",
         look_alike="actuation_gain",
         told_apart="a gain turns every joint; a stretch moves markers and turns nothing.",
         excited_by="film the tip and every joint's angle through a slow pressure sweep to the top of the range.",

@@ -26,7 +26,15 @@ class MullinsConfig(EffectConfig):
     softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4))
     """share of the elastic effort that is lost at most"""
     scale_rad: Angle = parameter(
-        neutral=0.2, bounds=(0.05, 1.0), plausible=(0.06, 0.6), role="shape", prior="log_normal"
+        neutral=0.2,
+        bounds=(0.05, 1.0),
+        plausible=(0.06, 0.6),
+        role="shape",
+        prior="log_normal",
+        simpler={
+            0.05: "the loss comes at once",
+            1.0: "the loss is in proportion to the energy below the largest",
+        },
     )
     """angle over which the loss comes, per joint"""
 
@@ -38,6 +46,8 @@ class Mullins(Effect):
     notes = EffectNotes(
         signature="the first loading of a new specimen is stiffer than all that follow up to the same angle; going "
         "beyond the largest past angle it is as stiff as new.",
+        on_the_bench="cycle the specimen three times to the top of the range before every recording, and write down "
+        "what it has been through.",
         look_alike="stiffness",
         told_apart="a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
         "specimen.",

@@ -33,6 +33,8 @@ class PermanentSet(Effect):
     notes = EffectNotes(
         signature="vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "
         "waiting does not help, and a repeat of the same cycle adds nothing.",
+        on_the_bench="photograph the vented chain from one place before the first cycle and after the largest one, "
+        "and lay one picture over the other.",
         look_alike="pressure_offset",
         told_apart="an offset is there before the first loading and never grows; a set grows with the largest angle.",
         excited_by="start with a virgin specimen, load to higher and higher levels and vent for a minute after each.",

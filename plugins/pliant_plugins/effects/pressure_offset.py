@@ -32,6 +32,8 @@ class PressureOffset(Effect):
     notes = EffectNotes(
         signature="the joint stands bent at zero commanded pressure, the same in every run, and the error in angle "
         "is largest where the joint is softest.",
+        on_the_bench="open the line to the room and read the gauge: what it shows is the offset; zero it when it is "
+        "warm.",
         look_alike="sensor_bias",
         told_apart="an offset of pressure shrinks where a load or a large angle makes the joint stiff and shows in "
         "positions too; a sensor's bias is the same everywhere and moves no marker.",

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 
 
 def needs_pressure(kind: str, chain: ChainModel) -> None:
-    """Raise `UserError` for a chain that no pressure drives."""
+    """Raise `ImpossibleEffectError` for a chain that no pressure drives."""
     names = [actuator.input for actuator in chain.actuators]
     if not any(PRESSURE.fullmatch(name) for name in names):
-        raise UserError(
-            f"effect '{kind}' needs a pressure, and the chain is actuated by {', '.join(names)}; "
-            "take it out of 'effects'."
+        raise ImpossibleEffectError(
+            f"effect '{kind}' needs a pressure, and the chain is actuated by {', '.join(names)}"
         )
 
 

@@ -25,7 +25,12 @@ class SelfContactConfig(EffectConfig):
     stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0))
     """stiffness of the contact / stiffness at rest"""
     contact_rad: Angle = parameter(
-        neutral=0.25, bounds=(0.05, 2.0), plausible=(0.1, 0.6), role="shape", prior="log_normal"
+        neutral=0.25,
+        bounds=(0.05, 2.0),
+        plausible=(0.1, 0.6),
+        role="shape",
+        prior="log_normal",
+        simpler={0.05: "walls touch from the start: a stiffness is enough"},
     )
     """angle at which walls touch, per joint"""
 
@@ -37,6 +42,8 @@ class SelfContact(Effect):
     notes = EffectNotes(
         signature="the curve of angle over pressure has a kink: below it the model is right, beyond it the joint "
         "bends too little, at the same angle under any load, up and down alike.",
+        on_the_bench="slide a strip of paper between the folds at the top of the range: where it is held, walls "
+        "touch.",
         look_alike="stiffness",
         told_apart="a stiffness is wrong from the first degree on; contact begins at its angle.",
         excited_by="sweep the pressure slowly to the top of the range, without a load and with loads either way, in "

@@ -36,6 +36,7 @@ class SensorBias(Effect):
     notes = EffectNotes(
         signature="every angle is off by the same amount, at rest too, at any pressure, load and rate; positions are "
         "right.",
+        on_the_bench="hold the joint straight along a ruler, read the sensor and set its zero there.",
         look_alike="pressure_offset",
         told_apart="a bias is the same with and without load and moves no marker; what an offset of pressure does "
         "depends on how stiff the joint is there.",

@@ -37,6 +37,8 @@ class SensorLag(Effect):
     notes = EffectNotes(
         signature="the angle that is read is behind in every motion, by the same time, whatever moves the chain; a "
         "few time constants into a hold nothing is left. Positions are not late.",
+        on_the_bench="flick the joint by hand, compare the film with the reading, and look for a filter or an "
+        "averaging in the recorder.",
         look_alike="supply_lag",
         told_apart="step a load at constant pressure: a sensor is late there too, a supply is not. Positions tell it "
         "from damping and from a supply: they are in time.",

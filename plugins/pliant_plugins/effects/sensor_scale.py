@@ -33,6 +33,7 @@ class SensorScale(Effect):
     notes = EffectNotes(
         signature="every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; at "
         "zero angle nothing is off, and positions are right.",
+        on_the_bench="set the joint to 0°, 45° and 90° with a square and read the sensor at each.",
         look_alike="stiffness",
         told_apart="a position or a second sensor: a scale moves no marker. By angles alone a scale is a joint that "
         "is softer under load, pressure and weight at once; a gain of the actuation is silent under a load.",

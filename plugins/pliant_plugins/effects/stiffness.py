@@ -32,6 +32,8 @@ class Stiffness(Effect):
     notes = EffectNotes(
         signature="under a load without pressure every angle is off by the same factor; with pressure the error is "
         "smaller where pressure itself stiffens the module. Rate, history and orientation play no part.",
+        on_the_bench="hang one known weight on the vented joint and read its angle, then compare batch and cure of "
+        "the rubber with the sample that was tested.",
         look_alike="actuation_gain",
         told_apart="a load without pressure: a stiffness shows there, a gain cannot.",
         excited_by="vent the chamber and hang two or three loads one after the other, up and down, then repeat under "

@@ -40,11 +40,21 @@ class SupplyLagConfig(EffectConfig):
     time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
     """time constant of the supply's first stage, filling"""
     vent_ratio: Ratio = parameter(
-        neutral=1.0, bounds=(0.2, 5.0), plausible=(0.5, 2.0), role="shape", prior="log_normal"
+        neutral=1.0,
+        bounds=(0.2, 5.0),
+        plausible=(0.5, 2.0),
+        role="shape",
+        prior="log_normal",
+        simpler={1.0: "it vents as fast as it fills"},
     )
     """time constant of venting over that of filling"""
     second_ratio: Ratio = parameter(
-        neutral=0.15, bounds=(0.01, 1.0), plausible=(0.05, 0.5), role="shape", prior="log_normal"
+        neutral=0.15,
+        bounds=(0.01, 1.0),
+        plausible=(0.05, 0.5),
+        role="shape",
+        prior="log_normal",
+        simpler={0.01: "one volume is enough", 1.0: "both volumes are as slow"},
     )
     """time constant of the second stage over that of the first, filling"""
 
@@ -58,6 +68,7 @@ class SupplyLag(Effect):
         "few time constants into a hold nothing is left. What follows a step sets in softly, for there are two "
         "volumes, and venting may take longer than filling. Loads that change at constant pressure are followed at "
         "once.",
+        on_the_bench="time the pressure at the chamber beside the commanded one; shorten or widen the hose.",
         look_alike="viscous_damping",
         told_apart="change the load at constant pressure: damping delays that motion too, a supply does not.",
         excited_by="step the pressure up and down at two or three rates, with a hold after each step, then step a "

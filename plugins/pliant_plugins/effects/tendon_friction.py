@@ -19,7 +19,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -48,6 +48,8 @@ class TendonFriction(Effect):
     notes = EffectNotes(
         signature="pulling and releasing run apart in proportion to the tension, the wider the more the chain is "
         "bent and the farther from the base, at every rate; loads without tension are followed without a loop.",
+        on_the_bench="pull the tendon over the bent chain with a spring scale, in and out: half the difference is "
+        "friction; clean or line the guides.",
         look_alike="friction_hysteresis",
         told_apart="the loop of a rubbing tendon grows with its tension and its wrap; that of dry friction in the "
         "joint is as wide at small forces as at large ones.",
@@ -76,15 +78,15 @@ def _pull(chain: ChainModel) -> float:
     """The sign of the angle toward which the tendons bend a joint."""
     names = sorted({law.actuation_name for law in chain.laws})
     if names != [TENDON]:
-        raise UserError(
+        raise ImpossibleEffectError(
             f"effect 'tendon_friction' needs a tendon, and the chain's law takes {', '.join(names)}; families with "
-            "tendons are 'tendon_joint' and measured laws of tendon_force_n. Take it out of 'effects'."
+            "tendons are 'tendon_joint' and measured laws of tendon_force_n"
         )
     signs = {math.copysign(1.0, actuator.sign) for actuator in chain.actuators}
     if len(signs) > 1:
-        raise UserError(
+        raise ImpossibleEffectError(
             "effect 'tendon_friction' is for tendons that pull one way, and this chain has opposed ones: while one is "
-            "pulled in the other is let out. Take it out of 'effects'."
+            "pulled in the other is let out"
         )
     return signs.pop()
 

@@ -33,7 +33,12 @@ class ViscoelasticConfig(EffectConfig):
     share: Ratio = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.05, 0.5))
     """stiffness that relaxes / stiffness at rest"""
     time_s: Time = parameter(
-        neutral=20.0, bounds=(1.0, 1000.0), plausible=(3.0, 200.0), role="shape", prior="log_normal"
+        neutral=20.0,
+        bounds=(1.0, 1000.0),
+        plausible=(3.0, 200.0),
+        role="shape",
+        prior="log_normal",
+        simpler={1.0: "it relaxes within a second: viscous_damping is enough"},
     )
     """time constant in which it relaxes"""
 
@@ -45,6 +50,8 @@ class Viscoelastic(Effect):
     notes = EffectNotes(
         signature="the angle goes on creeping for seconds to minutes while the pressure is held, and comes back as "
         "slowly after venting; fast runs look stiffer than slow ones.",
+        on_the_bench="hold full pressure for five minutes with the camera on, and see whether the tip still creeps "
+        "in the last one.",
         look_alike="viscous_damping",
         told_apart="a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many.",
         excited_by="raise the pressure quickly, hold it for several minutes, vent and keep recording.",

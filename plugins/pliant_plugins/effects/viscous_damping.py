@@ -33,6 +33,8 @@ class ViscousDamping(Effect):
     notes = EffectNotes(
         signature="a loop between up and down whose width is proportional to the rate; within a second or so of a "
         "hold the angle stands where the slow run had it.",
+        on_the_bench="take the hose off, bend the chain by hand, let go and film how long it takes to come back: no "
+        "air is moved then.",
         look_alike="supply_lag",
         told_apart="change the load at constant pressure: a dashpot delays that motion too, a slow supply does not.",
         excited_by="run the same triangle at three rates a factor of three apart, and step a load at constant "

@@ -42,6 +42,8 @@ class WallThickness(Effect):
     notes = EffectNotes(
         signature="every angle is off as by another stiffness, with and without pressure, and the torque at a "
         "blocked joint is off too, by much less and the same way.",
+        on_the_bench="cut a spare module open and measure its wall at four places around and along; without a spare, "
+        "weigh it.",
         look_alike="stiffness",
         told_apart="the blocked torque at the straight joint: a stiffness leaves it alone, a wall changes it by "
         "about a seventh of what it changes the stiffness.",

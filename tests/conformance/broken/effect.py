@@ -103,6 +103,13 @@ class NothingToFit(GainConfig):
     gain: Ratio = 1.0
 
 
+@variants.by_config("says_where_a_simpler_form_is_enough")
+class SilentAtItsBound(GainConfig):
+    """A shape that begins at its bound, of which a fit there would be an alarm."""
+
+    rise: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.1, 0.5), role="shape")
+
+
 @variants.by_config("config_keeps_the_bounds")
 class NarrowConfig(GainConfig):
     """A second limit that the parameter does not know."""

@@ -1,0 +1,84 @@
+"""The units and headings of the file that was read: people see their own on the terminal, on pages, in files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pliant.config.measurements import MeasurementNotes
+from pliant.errors import UserError
+from pliant.formatting import DISPLAY, Unit
+from pliant.measurements.columns import MEASUREMENT, unit_of
+from pliant.records.measurement import Measurement
+from pliant.tabular.units import conversion, unit_at_the_end, unit_in
+from pliant.units import split_unit
+
+SYMBOLS = {
+    "deg": "°",
+    "degC": "°C",
+    "um": "µm",
+    "us": "µs",
+    "percent": "%",
+    "dimensionless": "",
+    "strain": "",
+}
+
+
+def units_as_written(measurement: Measurement) -> Mapping[str, Unit]:
+    """The display units of a measurement: names of columns, and SI units, → the unit in its file.
+
+    A column counts where its unit is not the SI one, or its heading says the unit. One that is headed by Pliant's own
+    name ("pressure_pa") is shown as ever (in kPa), and so are units with another zero (K for °C).
+    """
+    found: dict[str, Unit] = {}
+    for name, text in measurement.written.items():
+        if name.startswith("sigma_") or not (si := unit_of(name)) or not _said(measurement, name, text, si):
+            continue
+        scale, shift = conversion(text, si, f"column '{name}'")
+        if shift or not scale > 0:
+            continue
+        symbol = SYMBOLS.get(text, text.replace("*", "·"))
+        usual = DISPLAY.get(si)
+        unit = usual if usual is not None and usual.symbol == symbol else Unit(symbol, 1 / scale)
+        found[name] = unit
+        if si != "dimensionless":  # a strain in percent makes no other pure number one
+            found.setdefault(si, unit)
+    return found
+
+
+def _said(measurement: Measurement, name: str, text: str, si: str) -> bool:
+    heading = measurement.headed.get(name, name)
+    return heading != name and (text != si or bool(unit_in(heading) or unit_at_the_end(heading)))
+
+
+def column_as_written(
+    name: str, measurement: Measurement | None, notes: MeasurementNotes
+) -> tuple[str, float, float]:
+    """The heading under which a column is written for the bench, and scale and shift from its unit to SI.
+
+    The heading of the file that was read, or Pliant's stem with the unit in which the file has such quantities
+    ("moment [mN*m]"); Pliant's own name where the reader would not know the other one again.
+
+    Args:
+        name: Pliant's name of the column.
+        measurement: what was read; its headings and units.
+        notes: the study's renames and units, by which the file will be read.
+    """
+    renamed = [written for written, kept in notes.rename.items() if kept == name]
+    headings = list(renamed)
+    if measurement is not None:
+        si = unit_of(name)
+        same = [text for other, text in measurement.written.items() if si and unit_of(other) == si]
+        text = measurement.written.get(name) or next(iter(same), "")
+        if name in measurement.headed:
+            headings.insert(0, measurement.headed[name])
+        if text and text != si:
+            headings.append(f"{split_unit(name)[0]} [{text}]")
+    for heading in (*headings, name):
+        try:
+            column = MEASUREMENT.matched(Path(), [heading], notes).get(name)
+        except UserError:
+            continue
+        if column is not None:
+            return heading, column.scale, column.shift
+    return name, 1.0, 0.0
