@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import (
+    Unit,
     actuation_unit,
     deformation_unit,
     display_unit,
@@ -140,7 +141,8 @@ def run_lines(done: StudyRun) -> list[str]:
 
 def engine_lines(done: StudyRun) -> list[str]:
     """Where each engine settled, and how sure the tip is, for the terminal."""
-    lines = [_engine_line(engine) for engine in done.engines]
+    unit = effort_unit(done.chain.laws[0]) if done.chain is not None else display_unit("N*m")
+    lines = [_engine_line(engine, unit) for engine in done.engines]
     first = done.engines[0].kind if done.engines else ""
     if done.uncertainty is not None:
         text = spread_sentence(done.uncertainty.value, first).rstrip(".")
@@ -148,7 +150,7 @@ def engine_lines(done: StudyRun) -> list[str]:
     return lines
 
 
-def _engine_line(engine: EngineRun) -> str:
+def _engine_line(engine: EngineRun, effort: Unit) -> str:
     if engine.artifact is None:
         return f"{engine.kind:<12} skipped: {engine.skipped}"
     result: TaskResult = engine.artifact.value
@@ -166,7 +168,7 @@ def _engine_line(engine: EngineRun) -> str:
     tip = ", ".join(f"{length.factor * x:.3f}" for x in result.final.tip_m)
     state = "settled" if result.final.converged else "NOT CONVERGED"
     return (
-        f"{engine.kind:<12} tip ({tip}) {length.symbol}, {state}, residual {result.final.residual:.1e}, "
+        f"{engine.kind:<12} tip ({tip}) {length.symbol}, {state}, residual {effort.text(result.final.residual, 2)}, "
         f"{duration(engine.artifact, result.final.wall_s)}"
     )
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import effort_unit
 from pliant.interfaces.physics import Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel, Ring
@@ -123,7 +124,7 @@ def result_of(
 def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
     """Why this equilibrium holds nothing, as the end of a sentence about the chain; empty if it does."""
     if not found.converged:
-        return f"did not settle (residual {found.residual:.2g})"
+        return f"did not settle (residual {effort_unit(chain.laws[0]).text(found.residual, 2)})"
     if found.stable is False:
         return "has no stable equilibrium"
     for number, (joint, q) in enumerate(zip(chain.joints, found.joint_angles, strict=True), start=1):
