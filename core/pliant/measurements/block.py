@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 
 from pliant.config.loading import with_override
 from pliant.config.measurements import MeasurementNotes
+from pliant.config.writing import as_node, yaml_writer
 from pliant.errors import UserError
 
 # A line of notes as sentences quote it: 'units: {angle_rad: deg}', 'restarts: new run', 'decimal: ","'.
@@ -32,9 +33,15 @@ def advised(sentences: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def asked(error: UserError, block: Mapping[str, Any]) -> UserError:
-    """The error with the block that reads the files once one of the lines that it quotes was chosen."""
-    choices = advised([str(error)])
-    return UserError(f"{error}\n\n{block_text(block, choices)}") if choices else error
+    """The error with the block that reads the files once one of the lines that it quotes was chosen.
+
+    It stays as it is where it quotes none, or ends in notes to paste itself.
+    """
+    text = str(error)
+    if any(line.removesuffix(":") in MeasurementNotes.model_fields for line in text.splitlines()):
+        return error
+    choices = advised([text])
+    return UserError(f"{text}\n\n{block_text(block, choices)}") if choices else error
 
 
 def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = ()) -> str:
@@ -66,10 +73,8 @@ def _lines(key: str, block: Mapping[str, Any], choices: Sequence[Mapping[str, An
 
 
 def _dumped(values: Mapping[str, Any]) -> list[str]:
-    yaml, stream = YAML(typ="rt"), io.StringIO()
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    yaml.width = 10_000
-    yaml.dump(dict(values), stream)
+    stream = io.StringIO()
+    yaml_writer().dump(as_node(values), stream)
     return stream.getvalue().splitlines()
 
 

@@ -30,7 +30,7 @@ from pliant.report.document import (
     picture,
     section,
 )
-from pliant.tabular.units import conversion
+from pliant.tabular.units import conversion, fits
 
 RUNS_BRIEF = 12  # of the terminal's table
 ALIKE = 0.01  # sampling rates that differ by less are one
@@ -143,7 +143,8 @@ def read_columns(measurement: Measurement) -> list[ReadColumn]:
         there = values[np.isfinite(values)]
         low, high = (float(there.min()), float(there.max())) if there.size else (np.nan, np.nan)
         unit = measurement.written.get(name, column_unit(name))
-        scale, shift = conversion(unit, column_unit(name), heading) if unit else (1.0, 0.0)
+        known = fits(unit, column_unit(name))  # dates and frames are no unit: their range stands in seconds
+        scale, shift = conversion(unit, column_unit(name), heading) if known else (1.0, 0.0)
         written = sorted(((low - shift) / scale, (high - shift) / scale))
         missing = int(values.size - there.size)
         found.append(ReadColumn(heading, unit, name, (low, high), (written[0], written[1]), missing))
