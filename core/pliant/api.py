@@ -43,9 +43,11 @@ from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
+from pliant.formatting import displayed_in
 from pliant.measurements.block import asked
 from pliant.measurements.joining import together
 from pliant.measurements.reading import read_measurement as read_recording
+from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
@@ -224,7 +226,8 @@ def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
     except UserError as error:
         raise asked(error, block) from None
     measurement = together(read)
-    return measurement, import_document(measurement, block)
+    with displayed_in(units_as_written(measurement)):
+        return measurement, import_document(measurement, block)
 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:

@@ -1,5 +1,6 @@
 """`pliant import`: what is printed is what the file holds, and its block reads the file again."""
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from tests.lab_files.files import lab_files
 from tests.lab_files.lab_file import CLOSE
 
 from pliant import api
+from pliant.errors import UserError
+from pliant.measurements.block import advised, block_text, files_and_notes
 from pliant.report.document import Table
 from pliant.report.importing import _values
 

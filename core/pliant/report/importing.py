@@ -20,6 +20,7 @@ from pliant.report.document import (
     Column,
     Document,
     Drawn,
+    Rank,
     Section,
     Table,
     Warned,
@@ -116,7 +117,7 @@ def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Docum
             "block": text,
         },
         brief=(brief_table(COLUMNS, columns), brief_table(said, runs[:RUNS_BRIEF], more)),
-        warnings=tuple(map(Warned, (*doubts, *others))),
+        warnings=(*(Warned(doubt, rank=Rank.UNIT) for doubt in doubts), *map(Warned, others)),
         closing=("", text, sentence),
         draw=lambda: _drawn(
             measurement,
