@@ -72,8 +72,9 @@ from pliant.search.stage import search_study
 from pliant.store.store import Artifact, ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
-# Measurement files, read together in their order, or what was read; None are those that the study names.
-Data = str | Path | Sequence[str | Path] | Measurement | None
+# Measurement files, patterns for them or pandas frames, read together in their order, or what was read; None are those
+# that the study names.
+Data = Any
 
 
 @dataclass(frozen=True)
@@ -234,10 +235,7 @@ def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """The study's measurements, or other files read by the same settings, as one measurement in their order."""
     if isinstance(data, Measurement):
         return data
-    files = [data] if isinstance(data, str | Path) else data
-    return measurement_of_study(
-        opened.bench, opened.study, None if files is None else [Path(file) for file in files]
-    )
+    return measurement_of_study(opened.bench, opened.study, data)
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:

@@ -58,7 +58,8 @@ def module_mass_kg() -> float:
 
 
 def test_mjcf_loads_in_plain_mujoco(pliant, study, workplace) -> None:
-    pliant("export", study, "--out", "out/robot.xml", "--json", "done.json").done()
+    call = pliant("export", study, "--out", "out/robot.xml", "--json", "done.json").done()
+    assert "no actuator" in call.out and "no payload of the task" in call.out
     model = mujoco.MjModel.from_xml_path(str(workplace / "out" / "robot.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

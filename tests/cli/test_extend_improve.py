@@ -153,6 +153,8 @@ def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
     words = f"stands for one of {', '.join(step['stands_for'])}"
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
     assert words in page and words in (workplace / "new.yaml").read_text()
+    written = (workplace / "new.yaml").read_text()  # it is held against the file that it was fitted to
+    assert "measurements:\n  file: open.csv\n" in written
     assert " (or " in call.out and read("r.json")["steps"][0]["stands_for"] == []
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.formatting import DISPLAY, Unit
-from pliant.measurements.columns import MEASUREMENT, unit_of
+from pliant.measurements.columns import MEASUREMENT, unit_of, with_zero
 from pliant.records.measurement import Measurement
 from pliant.tabular.units import conversion, fits, unit_at_the_end, unit_in
 from pliant.units import split_unit
@@ -82,5 +82,6 @@ def column_as_written(
         except UserError:
             continue
         if column is not None:
+            column = with_zero(column, notes, "the study")
             return heading, column.scale, column.shift
     return name, 1.0, 0.0
