@@ -26,7 +26,6 @@ from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
 from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
 from pliant.config.loading import load_study
-from pliant.config.measurements import MeasurementsConfig
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -45,8 +44,7 @@ from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import displayed_in
 from pliant.measurements.block import asked
-from pliant.measurements.joining import together
-from pliant.measurements.reading import read_measurement as read_recording
+from pliant.measurements.files import read_measurements
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
@@ -211,22 +209,19 @@ def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
     """A recording without a study, and how it was understood: `pliant import`.
 
     Args:
-        files: a path, or several, which are runs in their order.
+        files: a path, a pattern, a pandas frame, or several, which are runs in their order.
         notes: keys of a `measurements` block but `file`, before the YAML beside each file.
 
     Raises:
         UserError: what cannot be read, or must be asked; the message then ends in the block with the lines to choose.
     """
-    paths = [str(file) for file in ([files] if isinstance(files, str | Path) else files)]
-    block = {"file": paths[0] if len(paths) == 1 else paths, **notes}
+    sources = files if isinstance(files, list | tuple) else [files]
+    named = [str(file) for file in sources if isinstance(file, str | Path)]
+    block = {**({"file": named[0] if len(named) == 1 else named} if named else {}), **notes}
     try:
-        read = [
-            read_recording(Path(path), settings=MeasurementsConfig(**{**notes, "file": path}))
-            for path in paths
-        ]
+        measurement = read_measurements(files, notes)
     except UserError as error:
         raise asked(error, block) from None
-    measurement = together(read)
     with displayed_in(units_as_written(measurement)):
         return measurement, import_document(measurement, block)
 

@@ -51,6 +51,8 @@ def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = 
         block: keys of `measurements`, `file` first.
         choices: lines of notes that may be true, as `advised` gives them.
     """
+    if not block and not choices:  # a frame of which nothing is stated
+        return ""
     lines = ["measurements:", *(f"  {line}" for key in block for line in _lines(key, block, choices))]
     for key in dict.fromkeys(key for choice in choices for key in choice if key not in block):
         lines += [f"  # {line}" for line in _lines(key, {}, choices)]
