@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 from tests.lab_files.files import lab_files
 from tests.lab_files.lab_file import CLOSE
 
+import pliant as pliant_package
 from pliant import api
 from pliant.errors import UserError
 from pliant.measurements.block import advised, block_text, files_and_notes
@@ -162,6 +164,17 @@ def test_a_study_may_be_extended_with_the_recording(saved, pliant, tmp_path):
     text = (tmp_path / "new.yaml").read_text()
     assert text.startswith("# ") and "mbar" in text.splitlines()[0] and "\n  file: a.csv\n" in text
     assert "Unit to check" in pliant("compare", "new.yaml").done().out
+
+
+def test_a_recording_in_a_notebook(saved):
+    saved(FILES["degrees called radians"])
+    bench = pliant_package.read("a.csv", units={"angle_rad": "deg"})
+    assert "61 readings of bend angle over pressure, 25 Hz; no doubt" in repr(bench)
+    assert "<table" in bench._repr_html_() and bench.doubts == ()
+    frame = bench.to_frame()
+    again = pliant_package.read(frame[["time_s", "pressure_pa", "angle_rad"]])
+    assert (again.to_frame()["angle_rad"] == frame["angle_rad"]).all() and again.json["block"] == ""
+    assert bench.plot(Figure().subplots()).lines
 
 
 def test_a_choice_within_a_key_that_is_stated_stands_below_it():

@@ -165,14 +165,13 @@ def read_runs(measurement: Measurement) -> list[ReadRun]:
     first = {k: names[group.runs[0]] for group in repeat_groups(measurement) for k in group.runs[1:]}
     found = []
     for k, run in enumerate(measurement.runs):
-        time = run.history.time_s
-        clocked = time is not None and len(time) > 1
+        time = run.history.time_s if len(run) > 1 else None
         found.append(
             ReadRun(
                 run.name,
                 len(run),
-                float(time[-1] - time[0]) if clocked else None,
-                float(1.0 / np.median(np.diff(time))) if clocked else None,
+                float(time[-1] - time[0]) if time is not None else None,
+                float(1.0 / np.median(np.diff(time))) if time is not None else None,
                 int(np.unique(run.cycle[np.isfinite(run.cycle)]).size),
                 run.history.specimen,
                 ", ".join(_conditions(run)),
