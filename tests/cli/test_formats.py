@@ -43,6 +43,7 @@ CALLS = {
     "report": ("ran",),
     "check": ("material", "neo_hookean"),
     "schema": (),
+    "example": ("hidden-effect",),
     "new-plugin": ("my-effect",),
 }
 PUBLISHED = {"study-shape": "shape_matching", "study-gripper": "gripper_codesign"}

@@ -18,6 +18,7 @@ from pliant.errors import interrupted_at_start
 
 # Verb → module of `pliant.cli` that holds a function of its name, in the order of `pliant --help`.
 VERBS = {
+    "example": "example",
     "run": "studies",
     "fem": "studies",
     "fit": "fit",
