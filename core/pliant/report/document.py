@@ -168,13 +168,14 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of a page: paragraphs, pictures, tables, then a line of small print."""
+    """A part of a page: paragraphs, lines of a file as they stand, pictures, tables, then a line of small print."""
 
     title: str
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
     note: str = ""
     text: tuple[str, ...] = ()
+    code: str = ""
 
 
 def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture | None:
