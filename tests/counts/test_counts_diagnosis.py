@@ -108,6 +108,22 @@ def test_what_changes_nothing_is_not_excited_and_found_from_is_a_level():
     assert judged.smallest == {("task.friction",): pytest.approx(0.9, abs=0.21)}
 
 
+def test_explanations_that_move_the_conditions_in_one_direction_are_alike():
+    """`weight` moves every share as friction does, `luck` those of loads that friction leaves alone."""
+    weight, luck = (
+        VariedParameter(f"task.{name}", f"task.{name}", "1", (1.0,), 0.0) for name in ("weight", "luck")
+    )
+    present, moved = (10, 10, 10, 10, 5, 5), (10, 10, 2, 2, 5, 5)
+    other = (10, 10, 10, 10, 0, 0)
+    points = [((), ())] + [((parameter,), (1.0,)) for parameter in (FRICTION, weight, luck)]
+    simulated = [tuple((count, 12) for count in counts) for counts in (present, moved, moved, other)]
+    found = weighed(counted([[8], [8], [5], [5], [2], [2]]), points, simulated)
+    judged = judge_counts(found)
+    assert {FRICTION.name, weight.name, luck.name} <= {name for kinds in judged.credible for name in kinds}
+    ((a, b, share),) = judged.alike
+    assert {a, b} == {(FRICTION.name,), (weight.name,)} and share == pytest.approx(0.0, abs=1e-12)
+
+
 def test_probabilities_sum_to_one_and_pay_for_looking_at_many():
     few = probabilities({NOTHING: -10.0, UNKNOWN: -20.0, ("a",): -8.0})
     many = probabilities(

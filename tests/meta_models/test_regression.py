@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pliant.records.design import Array
+from pliant.records.solved import SolvedDesigns
 from pliant.testing.solved_samples import RANGE, grid, solved_designs, unseen_designs
 from pliant_plugins.meta_models.config import RegressionConfig
 from pliant_plugins.meta_models.regression import (
@@ -111,6 +113,25 @@ def test_each_regressor_is_taken_and_recorded(regressor: str) -> None:
     assert isinstance(again, RegressionLaws) and isinstance(fitted.laws, RegressionLaws)
     assert (again.smoother is None) == (regressor == "gaussian_process")
     np.testing.assert_array_equal(again.targets(values), fitted.laws.targets(values))
+
+
+@pytest.mark.parametrize("regressor", ["gaussian_process", "polynomial"])
+def test_logarithms_enter_as_plain_inputs_of_the_exponent_would(regressor: str) -> None:
+    """Designs at 10^s with inputs by their logarithm are those at s with plain ones; plain at 10^s they are not."""
+    plain = solved_designs((3, 3))
+    exponents = (plain.values - RANGE[:, 0]) / np.ptp(RANGE, axis=1)
+    decades = replace(plain, values=10.0**exponents)
+    at = np.array([[0.3, 0.7], [0.5, 0.2]])
+
+    def targets(inputs: str, designs: SolvedDesigns, values: Array) -> Array:
+        config = RegressionConfig.model_validate({"regressor": regressor, "inputs": inputs})
+        laws = Regression(config).fit(designs).laws
+        assert isinstance(laws, RegressionLaws)
+        return laws.targets(values)
+
+    wanted = targets("plain", replace(plain, values=exponents), at)
+    np.testing.assert_allclose(targets("logarithm", decades, 10.0**at), wanted, rtol=1e-6, atol=1e-9)
+    assert np.abs(targets("plain", decades, 10.0**at) - wanted).max() > 1e-4 * np.abs(wanted).max()
 
 
 def test_auto_takes_the_smallest_error_on_designs_left_out() -> None:

@@ -6,7 +6,9 @@
     python -m tests.mutants.run --fresh      forgets earlier answers
 
 A mutant is written into a copy of the sources, and the tests whose modules import the changed one, the nearest first,
-run until one fails. Answers are kept by the text of the changed file and of those tests, in .pliant/mutants.json.
+run until one fails. A shipped component is imported by its name only; its conformance test counts as an importer, and
+so do the files of its room's tests that write its kind. Answers are kept by the text of the changed file and of those
+tests, in .pliant/mutants.json.
 Exit code 1 where less than 95 % are caught.
 """
 
@@ -17,6 +19,7 @@ import ast
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -28,16 +31,20 @@ from benchmarks.house import Module, imports, modules
 from tests.mutants.chosen import CHOSEN
 from tests.mutants.mutant import ROOT, Mutant, drawn
 
+from pliant.registry.component import Component
+from pliant_plugins.manifest import pliant_components
+
 SEED, DRAWN = 20, 40
 ENOUGH = 0.95
 MOST_FILES = 14  # of tests for one mutant
+CONFORMANCE = "tests.conformance.test_shipped"
 LIMIT_S = 900.0
 ANSWERS = ROOT / ".pliant" / "mutants.json"
 COPY = ROOT / ".pliant" / "mutants"
 
 
-def test_files(known: dict[str, Module]) -> dict[str, list[Path]]:
-    """Source module → test files that reach it by imports, the nearest first."""
+def test_files(known: dict[str, Module]) -> dict[str, list[str]]:
+    """Source module → test files, and single tests, that reach it, the nearest first."""
     tests = {}
     for file in sorted((ROOT / "tests").rglob("*.py")):
         name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
@@ -47,6 +54,9 @@ def test_files(known: dict[str, Module]) -> dict[str, list[Path]]:
     for name, module in everything.items():
         for target in imports(module, everything):
             users[target].add(name)
+    for component in pliant_components():
+        for place in {component.config.partition(":")[0], component.implementation.partition(":")[0]}:
+            users[place] |= _named_by(component, place.split(".")[1])
     return {name: _nearest(name, users) for name in known}
 
 
@@ -54,19 +64,36 @@ def _module(name: str, file: Path) -> Module:
     return Module(name, "tests", ast.parse(file.read_text(encoding="utf-8")), False)
 
 
-def _nearest(name: str, users: dict[str, set[str]]) -> list[Path]:
-    """Test files by their distance; those in a folder called like the module's room come before others."""
-    room = set(name.split(".")[1:3])
+def _named_by(component: Component, room: str) -> set[str]:
+    """A component's conformance test, and the files of its room's tests that write its kind."""
+    word = re.compile(rf"\b{component.kind}\b")
+    files = [
+        file for file in (ROOT / "tests" / room).glob("test_*.py") if word.search(file.read_text("utf-8"))
+    ]
+    return {f"{CONFORMANCE}[{component.interface}-{component.kind}]"} | {
+        f"tests.{room}.{file.stem}" for file in files
+    }
+
+
+def _nearest(name: str, users: dict[str, set[str]]) -> list[str]:
+    """Tests by their distance; those called like the module or its room come before others."""
+    room, own = set(name.split(".")[1:3]), name.rpartition(".")[2]
     seen, layer, found = {name}, {name}, []
     while layer and len(found) < 4 * MOST_FILES:
         layer = {user for one in layer for user in users[one]} - seen
         seen |= layer
         here = [one for one in sorted(layer) if one.startswith("tests.") and ".test_" in one]
-        found += sorted(here, key=lambda one: not room & set(one.split(".")))
-    return [ROOT / (one.replace(".", "/") + ".py") for one in found[:MOST_FILES]]
+        found += sorted(here, key=lambda one: (own not in one, not room & set(one.split("."))))
+    return [_target(one) for one in found[:MOST_FILES]]
 
 
-def caught_by(mutant: Mutant, files: list[Path]) -> str:
+def _target(name: str) -> str:
+    """What pytest is given for a test file's dotted name, or for one case of the conformance test."""
+    file, bracket, case = name.partition("[")
+    return file.replace(".", "/") + ".py" + (f"::test_shipped[{case}" if bracket else "")
+
+
+def caught_by(mutant: Mutant, files: list[str]) -> str:
     """The test that fails for a mutant; "" where none does."""
     _copy_sources()
     (COPY / mutant.file).write_text(mutant.applied(), encoding="utf-8")
@@ -76,7 +103,7 @@ def caught_by(mutant: Mutant, files: list[Path]) -> str:
     try:
         for file in files:
             done = subprocess.run(
-                [*command, str(file)],
+                [*command, file],
                 cwd=ROOT,
                 env=environment,
                 capture_output=True,
@@ -86,9 +113,9 @@ def caught_by(mutant: Mutant, files: list[Path]) -> str:
             )
             if done.returncode in (1, 2, 3, 4):
                 lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return lines[0].partition(" - ")[0] if lines else f"{file.name} ends with {done.returncode}"
+                return lines[0].partition(" - ")[0] if lines else f"{file} ends with {done.returncode}"
     except subprocess.TimeoutExpired:
-        return f"{file.name} does not end"
+        return f"{file} does not end"
     finally:
         shutil.copy2(ROOT / mutant.file, COPY / mutant.file)
     return ""
@@ -109,10 +136,10 @@ def _copy_sources() -> None:
                 target.unlink()
 
 
-def _key(mutant: Mutant, files: list[Path]) -> str:
+def _key(mutant: Mutant, files: list[str]) -> str:
     digest = hashlib.sha256(mutant.applied().encode())
     for file in files:
-        digest.update(file.read_bytes())
+        digest.update((ROOT / file.partition("::")[0]).read_bytes())
     return digest.hexdigest()[:24]
 
 

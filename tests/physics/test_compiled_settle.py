@@ -54,14 +54,23 @@ def test_the_answer_is_that_of_the_python_path(name: str) -> None:
     np.testing.assert_allclose(fast.markers_m, markers, atol=1e-15)
 
 
-def test_leaving_the_domain_is_told_as_by_the_python_path() -> None:
-    box = Domain(np.array([0.0, 10e3]), np.array([[-0.3, 0.3]]))
-    fast, plain = both_ways(finger(ScalarStudy(domain=box)), Inputs({"pressure_pa": 12e3}))
-    assert {entry.variable for entry in fast.outside_domain} == {"pressure_pa", "angle_rad"}
+@pytest.mark.parametrize(
+    ("highest_pa", "widest_rad", "left"),
+    [(10e3, 0.3, {"pressure_pa", "angle_rad"}), (20e3, 1e-3, {"angle_rad"}), (10e3, 3.0, {"pressure_pa"})],
+)
+def test_leaving_the_domain_is_told_as_by_the_python_path(
+    highest_pa: float, widest_rad: float, left: set[str]
+) -> None:
+    """Also where every joint leaves the box of one variable alone."""
+    box = Domain(np.array([0.0, highest_pa]), np.array([[-widest_rad, widest_rad]]))
+    chain = finger(ScalarStudy(domain=box), 4, gravity_m_s2=np.zeros(3))
+    fast, plain = both_ways(chain, Inputs({"pressure_pa": 12e3}))
+    assert {entry.variable for entry in fast.outside_domain} == left
+    assert {entry.module for entry in fast.outside_domain} == set(range(1, 5))
     assert [(e.module, e.variable) for e in fast.outside_domain] == [
         (e.module, e.variable) for e in plain.outside_domain
     ]
-    inside, _ = both_ways(finger(ScalarStudy(domain=box)), Inputs({"pressure_pa": 2e3}))
+    inside, _ = both_ways(chain, Inputs({"pressure_pa": 0.0}))
     assert inside.outside_domain == ()
 
 

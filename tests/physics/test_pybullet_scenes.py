@@ -104,6 +104,23 @@ def test_friction_reaches_bullet() -> None:
         assert told == pytest.approx([0.37, 0.37])
 
 
+@pytest.mark.parametrize(
+    ("press", "distance", "counted"),
+    [(0.0, 1e-3, False), (0.0, 0.0, True), (0.0, -1e-3, True), (2.0, 1e-3, True), (2.0, -1e-3, True)],
+)
+def test_points_are_contacts_where_they_press_or_touch(
+    monkeypatch: pytest.MonkeyPatch, press: float, distance: float, counted: bool
+) -> None:
+    """Bullet also lists pairs that are near each other and apart."""
+    with engine().build_scene(pinch_scene()) as simulation:
+        simulation.apply(pinching())
+        simulation.step(0.2)
+        points = [(*p[:8], distance, press, *p[10:]) for p in simulation.client.getContactPoints()]
+        assert points
+        monkeypatch.setattr(simulation.client, "getContactPoints", lambda: points)
+        assert len(simulation.contacts()) == (len(points) if counted else 0)
+
+
 def test_wrong_inputs_are_told() -> None:
     with engine().build_scene(pinch_scene()) as simulation:
         with pytest.raises(ContractError, match="2 arms and got inputs for 1"):

@@ -119,6 +119,20 @@ def _make_slowly(root, log):
     assert ArtifactStore(Path(root)).make(recipe(), compute).value == 7
 
 
+def test_an_artifact_appears_by_a_rename_whole_or_not_at_all(tmp_path, monkeypatch):
+    complete = []
+
+    def remembered(folder):
+        complete.append(folder.stat().st_ino)
+        return digests(folder)
+
+    monkeypatch.setattr("pliant.store.store.digests", remembered)
+    made = ArtifactStore(tmp_path).make(recipe(), lambda partial: value())
+    (manifest,) = tmp_path.rglob("manifest.json")
+    assert manifest.parent.stat().st_ino == complete[0]
+    assert made.value["t"] == (1, "two", None)
+
+
 def test_two_processes_on_one_store_compute_once(tmp_path):
     context = multiprocessing.get_context("spawn")
     log = tmp_path / "log"

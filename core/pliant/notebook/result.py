@@ -67,12 +67,19 @@ class Result(Generic[Record]):
 
     @property
     def json(self) -> dict[str, Any]:
-        """The JSON object of the command: plain SI values."""
+        """The JSON object of the command: plain SI values.
+
+        >>> finger.simulate().json["converged"]
+        True
+        """
         return dict(self.document.data)
 
     def to_frame(self) -> pandas.DataFrame:
         """The numbers as a pandas frame, SI, with the unit in each column's name where the result has a table of its
         own; else its first table as it is printed. Raises `MissingDependencyError` without pandas.
+
+        >>> joint.compare().to_frame().columns.tolist()
+        ['run', 'time_s', 'output', 'measured', 'predicted', 'residual']
         """
         if self._frame is not None:
             return frame_of(self._frame(self.record))
@@ -83,7 +90,11 @@ class Result(Generic[Record]):
         return frame_of({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
 
     def plot(self, ax: Any = None) -> Any:
-        """The one picture that says most, on these matplotlib axes or on new ones; returns the axes."""
+        """The one picture that says most, on these matplotlib axes or on new ones; returns the axes.
+
+        >>> finger.simulate().plot().get_xlabel()
+        'x (mm)'
+        """
         if self._plot is not None:
             return self._plot(self.record, ax)
         from pliant.report.plots import image
@@ -94,7 +105,11 @@ class Result(Generic[Record]):
         return image(hero, ax)
 
     def save(self, folder: str | Path) -> Path:
-        """Write the whole page with its pictures into a folder; returns the page's path."""
+        """Write the whole page with its pictures into a folder; returns the page's path.
+
+        >>> finger.simulate().save(store / "page").name
+        'report.html'
+        """
         made = page(self.document)
         Path(folder).mkdir(parents=True, exist_ok=True)
         return write_page(Path(folder), made.html, made.pictures, self.document.page)

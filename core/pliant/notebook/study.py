@@ -46,32 +46,56 @@ class Simulated(Result[StudyRun]):
 
     @property
     def tip(self) -> Array:
-        """(3,) settled position of the tip in the world, m."""
+        """(3,) settled position of the tip in the world, m.
+
+        >>> finger.simulate().tip.round(3)
+        array([ 0.059,  0.   , -0.008])
+        """
         return self._final.final.tip_m
 
     @property
     def markers(self) -> Array:
-        """(n + 2, 3) base, joints 1…n and tip in the world, m."""
+        """(n + 2, 3) base, joints 1…n and tip in the world, m.
+
+        >>> finger.simulate().markers.shape
+        (10, 3)
+        """
         return self._final.final.markers_m
 
     @property
     def joint_angles(self) -> Array:
-        """(n, a) joint coordinates, rad (m where the joint slides)."""
+        """(n, a) joint coordinates, rad (m where the joint slides).
+
+        >>> float(finger.simulate().joint_angles[0, 0].round(4))
+        0.3597
+        """
         return self._final.final.joint_angles
 
     @property
     def metrics(self) -> Mapping[str, Any]:
-        """What the task measured, SI, unit in the name."""
+        """What the task measured, SI, unit in the name.
+
+        >>> round(finger.simulate().metrics["bend_angle_rad"], 3)
+        2.878
+        """
         return self._final.metrics
 
     @property
     def law(self) -> JointLaw:
-        """The law of the first design."""
+        """The law of the first design.
+
+        >>> finger.simulate().law.actuation_name
+        'pressure_pa'
+        """
         return self.record.designs[0].law.law
 
     @property
     def converged(self) -> bool:
-        """Whether the engine reached its own tolerance."""
+        """Whether the engine reached its own tolerance.
+
+        >>> finger.simulate().converged
+        True
+        """
         return bool(self._final.final.converged)
 
 
@@ -80,7 +104,11 @@ class Fitted(Result[tuple[DesignStages, ...]]):
 
     @property
     def law(self) -> JointLaw:
-        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes."""
+        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes.
+
+        >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.axes
+        ('y',)
+        """
         return self.record[0].law.law
 
 
@@ -123,6 +151,9 @@ class StudyHandle:
 
         Raises:
             UserError: an unknown or ambiguous key, or a value that is not allowed.
+
+        >>> finger.with_(pressure="10 kPa", chain={"modules": 4}).simulate().markers.shape
+        (6, 3)
         """
         overrides = [*self._overrides, *as_overrides(self.config, {**(changes or {}), **named})]
         bench = self.opened.bench
@@ -131,17 +162,30 @@ class StudyHandle:
 
     @property
     def law(self) -> JointLaw:
-        """The law of the study's first design, solved and fitted first where it must be."""
+        """The law of the study's first design, solved and fitted first where it must be.
+
+        >>> finger.law.evaluate(np.array([15e3]), np.array([[0.0]])).tau.round(5)
+        array([[0.02456]])
+        """
         return api.laws(self.opened)[0].law.law
 
     def fem(self) -> Result[Any]:
-        """The FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`."""
+        """The FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`.
+
+        >>> coarse = {"pressures": 3, "angles": 3, "check_states": 2}
+        >>> len(pliant.open(examples / "first_finger/finger.yaml", store=store, fem=coarse).fem().to_frame()) > 4
+        True
+        """
         artifacts = api.fem(self.opened)
         document = fem_document(self.config, artifacts, [""] * len(artifacts))
         return Result(artifacts[0].value, document, plots.module_data, frames.module_data)
 
     def fit(self) -> Fitted:
-        """The laws of the study's designs with their errors on states left out: `pliant fit`."""
+        """The laws of the study's designs with their errors on states left out: `pliant fit`.
+
+        >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.joint
+        'revolute'
+        """
         bench = self.opened.bench
         stages = api.laws(self.opened)
         fitted = fitted_designs(bench, [s for s in stages if s.law.report is not None], learning=False)
@@ -149,17 +193,29 @@ class StudyHandle:
         return Fitted(stages, document, plots.laws, frames.laws)
 
     def simulate(self) -> Simulated:
-        """The chain under the study's task in its engine: `pliant simulate`."""
+        """The chain under the study's task in its engine: `pliant simulate`.
+
+        >>> finger.simulate()
+        <stated: 8-module finger bends 164.9° at 15 kPa; the law is stated by its coefficients.>
+        """
         alone = self.with_(cross_check=[]) if self.config.cross_check else self
         return alone.run()
 
     def run(self) -> Simulated:
-        """All stages, `cross_check` engines too: `pliant run`."""
+        """All stages, `cross_check` engines too: `pliant run`.
+
+        >>> finger.with_(cross_check=["mujoco"]).run().to_frame()["engine"].unique().tolist()
+        ['quasistatic', 'mujoco']
+        """
         done = api.simulate(self.opened)
         return Simulated(done, simulation_document(done), plots.backbones, frames.markers)
 
     def compare(self, data: Data = None) -> Result[Any]:
-        """The model against the study's measurement or another: `pliant compare`. The record is a `Comparison`."""
+        """The model against the study's measurement or another: `pliant compare`. The record is a `Comparison`.
+
+        >>> round(joint.compare().rmse_over_floor, 1)
+        2.5
+        """
         if is_counted(self.config, data):
             counted = counted_study(self.config, data)
             counts: CountComparison = api.compare_counts(self.opened, data)
@@ -179,7 +235,11 @@ class StudyHandle:
     def diagnose(
         self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
     ) -> Result[Any]:
-        """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`."""
+        """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`.
+
+        >>> joint.diagnose(effects=["viscoelastic", "stiffness"]).verdict
+        'missing_effect'
+        """
         measurement = api.read_measurement(self.opened, data)
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
@@ -188,7 +248,11 @@ class StudyHandle:
         return Result(found, document, plots.hypotheses, frames.hypotheses)
 
     def extend(self, *effects: str, data: Data = None) -> Result[Any]:
-        """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`."""
+        """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`.
+
+        >>> [effect.kind for effect in joint.extend("viscoelastic").effects]
+        ['viscoelastic']
+        """
         measurement = api.read_measurement(self.opened, data)
         with displayed_in(units_as_written(measurement)):
             found = api.extend(self.opened, effects, measurement)
@@ -198,7 +262,11 @@ class StudyHandle:
     def improve(
         self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
     ) -> Result[Any]:
-        """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`."""
+        """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`.
+
+        >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
+        ['the model as it was', 'viscoelastic']
+        """
         measurement = api.read_measurement(self.opened, data)
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
@@ -207,14 +275,24 @@ class StudyHandle:
         return Result(found, document, plots.steps, frames.steps)
 
     def optimize(self, workers: int | None = None) -> Result[Any]:
-        """The study's search and the check of its winner: `pliant optimize`. The record is a `SearchResult`."""
+        """The study's search and the check of its winner: `pliant optimize`. The record is a `SearchResult`.
+
+        >>> search = pliant.open(examples / "shape_matching/small.yaml", store=store)
+        >>> search.with_({"search.budget": 2}).optimize(workers=1).evaluations > 0
+        True
+        """
         found = api.optimize(self.opened, workers=workers)
         engine = physics_of_study(self.opened.bench, self.config).kind
         document = search_document(self.config.canonical(), found, engine=engine)
         return Result(found, document, plots.history, frames.history)
 
     def calibrate(self, data: str | Path, **options: Any) -> Result[Any]:
-        """Constants of the study's material from a test: `pliant calibrate`. The record is a `Calibration`."""
+        """Constants of the study's material from a test: `pliant calibrate`. The record is a `Calibration`.
+
+        >>> silicone = pliant.open(examples / "materials/silicone.yaml", store=store)
+        >>> silicone.calibrate(examples / "materials/pull.csv")
+        <silicone: ...>
+        """
         found = api.calibrate(self.opened, data, **options)
         return Result(found, calibration_document(self.name, found))
 
@@ -224,6 +302,9 @@ def open_study(path: str | Path, *, store: str | Path = api.DEFAULT_STORE, **cha
 
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
+
+    >>> pliant.open(examples / "helix/helix.yaml", store=store, physics="mujoco")
+    <study helix: surrogate, chain, physics, cross_check, task>
     """
     handle = StudyHandle(Path(path), (), api.open_study(path, store=store))
     return handle.with_(changes) if changes else handle
@@ -256,6 +337,9 @@ def fit(
 
     Raises:
         UserError: what is wrong with the table, by line, or a key that the surrogate does not have.
+
+    >>> pliant.fit(examples / "data/bellow_bending.csv", store=store).law.joint
+    'revolute'
     """
     bench = api.workbench(store)
     source = Path(table) if isinstance(table, str | Path) else _kept(table, Path(store))

@@ -61,6 +61,9 @@ DEMANDS = {
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
     "insufficient_data": "Measure what stands below, add it to the file and ask again.",
 }
+LITTLE_LEFT = (
+    "Leave the model as it is unless so small an error matters to you; no effect can take more of it away."
+)
 # Verdicts whose demand is the next run; without one, more of everything.
 UNDECIDED = ("ambiguous", "insufficient_data")
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
@@ -86,8 +89,7 @@ def diagnosis_document(
         next_file: the protocol file of the proposed run.
     """
     reasons = why(found, registry)
-    decided = found.next_run is not None or found.verdict not in UNDECIDED
-    points = [*reasons, DEMANDS[found.verdict] if decided else RECORD]
+    points = [*reasons, _demand(found)]
     sentence = numbers_text(found) or points[0]
     proposed = next_words(found)
     return Document(
@@ -96,7 +98,7 @@ def diagnosis_document(
         sentence=sentence,
         data=diagnosis_json(found, next_file),
         brief=_brief(found),
-        answers=diagnosis_answers(found, DEMANDS[found.verdict] if decided else RECORD),
+        answers=diagnosis_answers(found, _demand(found)),
         points=tuple(point for point in points if point != sentence),
         warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
         closing=(
@@ -108,6 +110,17 @@ def diagnosis_document(
         draw=lambda: _drawn(Diagnosed(measurement, found), registry),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
+
+
+def _demand(found: Diagnosis) -> str:
+    """What to do, by the verdict and by what is left to gain."""
+    small, verdict = found.judgement.small, found.verdict
+    if verdict == "unknown_effect" and small:
+        return LITTLE_LEFT
+    if verdict == "nothing_missing" and not small:
+        return RECORD
+    decided = found.next_run is not None or verdict not in UNDECIDED
+    return DEMANDS[verdict] if decided else RECORD
 
 
 def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:

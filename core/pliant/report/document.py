@@ -168,7 +168,10 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of a page: paragraphs, pictures, tables, then a line of small print; folded unless `open`."""
+    """A part of a page: paragraphs, lines of a file as they stand, pictures, tables, then a line of small print.
+
+    Folded on the page unless `open`.
+    """
 
     title: str
     pictures: tuple[Picture, ...] = ()
@@ -176,6 +179,7 @@ class Section:
     note: str = ""
     text: tuple[str, ...] = ()
     open: bool = False
+    code: str = ""
 
 
 def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture | None:

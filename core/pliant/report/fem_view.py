@@ -99,7 +99,7 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
             f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
             for entry in data.failed[:LISTED]
         )
-        warned.append(Warned(f"{prefix}{plural(count, "state")} failed{rest_of_list(count)}.", items))
+        warned.append(Warned(f"{prefix}{plural(count, 'state')} failed{rest_of_list(count)}.", items))
     return warned
 
 
