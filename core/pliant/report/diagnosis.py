@@ -14,6 +14,7 @@ from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
+from pliant.report.answers import diagnosis_answers
 from pliant.report.diagnosis_tables import (
     classes_table,
     dependence_table,
@@ -97,6 +98,7 @@ def diagnosis_document(
         sentence=sentence,
         data=diagnosis_json(found, next_file),
         brief=_brief(found),
+        answers=diagnosis_answers(found, _demand(found)),
         points=tuple(point for point in points if point != sentence),
         warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
         closing=(
@@ -222,7 +224,13 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         else None,
         _limits(found, registry),
         section("Numbers", hypotheses_table(found, diagnosed.hypotheses())),
-        section("Noise", repeats, noise_table(found), text=_noise_text(found, repeats is not None)),
+        section(
+            "Noise",
+            repeats,
+            noise_table(found),
+            text=_noise_text(found, repeats is not None),
+            open=found.verdict == "not_repeatable",
+        ),
     ]
     if found.verdict == "not_repeatable":  # the repeats are the finding
         made.insert(0, made.pop())
@@ -244,7 +252,7 @@ def _next(found: Diagnosis) -> Section | None:
     if step.separates:
         text.append(f"One such run would tell {_separated(step.separates)}.")
     title = "What to measure next" if found.verdict != "missing_effect" else "To be surer still"
-    return Section(title, text=tuple(text))
+    return Section(title, text=tuple(text), open=True)
 
 
 def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
@@ -280,7 +288,7 @@ def _changes(diagnosed: Diagnosed, draw: Callable[[Diagnosed, str], NDArray[np.u
         "missing_effect": f"What {names} changes",
         "unknown_effect": f"The most probable in the list, {names}, does not do it",
     }.get(found.verdict, f"What {names} would change")
-    return Section(title if names else "The model in its worst runs", tuple(pictures))
+    return Section(title if names else "The model in its worst runs", tuple(pictures), open=True)
 
 
 def _limits(found: Diagnosis, registry: Registry) -> Section:

@@ -26,7 +26,7 @@ from pliant.pipeline.study import EngineRun, StudyRun, law_components
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
-from pliant.report.document import Document, Drawn, Warned, capital
+from pliant.report.document import Document, Drawn, Warned, answers, capital
 from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
@@ -55,6 +55,7 @@ def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
         title=str(run.study.get("name", "Pliant run")),
         sentence=result_sentence(run),
         data=run.summary,
+        answers=_answers(run),
         brief=tuple(lines),
         warnings=tuple(warnings(run)),
         draw=draw,
@@ -242,6 +243,19 @@ def result_sentence(run: FinishedRun) -> str:
         count = {2: "two", 3: "three", 4: "four"}.get(len(engines), str(len(engines)))
         parts.append(f"{count} engines agree within {small_length(worst)}")
     return capital(unbroken("; ".join([*parts, _law_error(run)]))) + "."
+
+
+def _answers(run: FinishedRun) -> tuple[tuple[str, str], ...]:
+    """How good the law is and how well engines agree, what limits the result, how sure the tip is."""
+    limits = warnings(run)
+    more = f" And {len(limits) - 1} more, below." if len(limits) > 1 else ""
+    spread, first = run.uncertainty, run.engines[0].kind if run.engines else ""
+    return answers(
+        capital(_law_error(run)) + ".",
+        limits[0].sentence + more if limits else "",
+        spread_sentence(spread, first) if spread is not None else "",
+        "Measure one and hold the model against it: pliant compare.",
+    )
 
 
 def warnings(run: FinishedRun) -> list[Warned]:
