@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real study-shape study-gripper docs freeze clean
+.PHONY: demo test test-all mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -82,6 +82,9 @@ bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most t
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
 	$(BIN)/python -m benchmarks.real.two_bellow
 	$(BIN)/python -m benchmarks.real.grasp_counts
+
+bench-install: $(VENV)/.dev  ## the wheel, installed without extras into an environment of its own and tried there
+	$(BIN)/python -m benchmarks.install --quick
 
 study-shape: $(VENV)/.run  ## the published shape-matching study in full, resumable; writes docs/studies
 	$(BIN)/python -m benchmarks.studies.shape_matching --publish $(STUDY)

@@ -36,6 +36,7 @@ EXAMPLES = {
     "N*m": "5 mN*m",
     "kg/m^3": "1150 kg/m^3",
     "m/s^2": "9.81 m/s^2",
+    "Hz": "25 Hz",
     "dimensionless": "0.49",
 }
 NAMES = {
@@ -48,6 +49,7 @@ NAMES = {
     "N*m": "a moment",
     "kg/m^3": "a density",
     "m/s^2": "an acceleration",
+    "Hz": "a rate",
     "dimensionless": "a pure number",
 }
 
@@ -153,4 +155,5 @@ Time = Annotated[float, Quantity("s")]
 Moment = Annotated[float, Quantity("N*m")]
 Density = Annotated[float, Quantity("kg/m^3")]
 Acceleration = Annotated[float, Quantity("m/s^2")]
+Frequency = Annotated[float, Quantity("Hz")]
 Ratio = Annotated[float, Quantity("dimensionless")]

@@ -129,7 +129,7 @@ def _modules() -> list[Component]:
             summary="scikit-fem discretisation in a bend frame, exact slopes, pardiso or SuperLU",
             example={"pressure_max": "15 kPa"},
             requires=("skfem",),
-            install="pip install scikit-fem",
+            install="pip install 'pliant[fem]'",
         ),
         Component(
             interface="fem",
@@ -221,7 +221,7 @@ def _engines() -> list[Component]:
             implementation=f"{HERE}.physics.mujoco.backend:Mujoco",
             summary="MuJoCo dynamics, implicit in the laws' stiffness",
             requires=("mujoco",),
-            install="pip install mujoco",
+            install="pip install 'pliant[mujoco]'",
         ),
         Component(
             interface="physics",
@@ -279,6 +279,8 @@ def _engines() -> list[Component]:
             implementation=f"{HERE}.tasks.grasp.task:Grasp",
             summary="lower fingers over an object, actuate them and lift it",
             example={"object": "egg", "pressure": "15 kPa"},
+            lazy=("trimesh",),
+            install="pip install 'pliant[grasp]'",
         ),
     ]
 
@@ -292,7 +294,7 @@ def _viewers() -> list[Component]:
             implementation=f"{HERE}.viewing.backend:MujocoViewer",
             summary="MuJoCo's renderer and its interactive window, for the results of every engine",
             requires=("mujoco",),
-            install="pip install mujoco",
+            install="pip install 'pliant[mujoco]'",
         )
     ]
 

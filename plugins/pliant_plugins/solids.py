@@ -107,5 +107,5 @@ def _trimesh() -> Any:
     try:
         import trimesh
     except ImportError:
-        raise MissingDependencyError("meshes need trimesh: pip install trimesh") from None
+        raise MissingDependencyError("meshes need trimesh: pip install 'pliant[grasp]'.") from None
     return trimesh

@@ -1,6 +1,7 @@
 """The verbs: results as JSON, exit codes, cached stages, interruption."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -162,3 +163,48 @@ def test_a_home_folder_in_the_stores_variable(pliant, write, workplace, stated, 
     assert pliant("simulate", write(stated), "--quiet").code == 0
     assert (workplace / "home" / "cache" / "simulate").is_dir()
     assert not (workplace / "~").exists()
+
+
+FAR = """\
+pliant: 1
+name: far
+surrogate:
+  kind: polynomial
+  form: study
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 1, module_length: 11 mm, module_mass: 9 g, gravity: [0, 0, 0]}
+task: {kind: free_bending, pressure: -10 kPa}
+"""
+
+
+def test_what_did_not_settle_shows_the_last_state_that_held(pliant, write, read) -> None:
+    """Newton's last step is at hundreds of radians; the level before it is what the terminal and the metrics say."""
+    call = pliant("simulate", write(FAR, "far.yaml"), "--json", "out.json").done(3)
+    found = read("out.json")
+    assert not found["converged"] and abs(found["joint_angles_rad"][0]) > 10
+    (held,) = found["last_held"]["joint_angles_rad"][0]
+    assert found["metrics"]["bend_angle_rad"] == held and -0.3 < held < 0
+    assert found["last_held"]["actuation"] == [-1000.0]
+    assert "NOT CONVERGED" in call.out and "of the last state that held" in call.out
+    assert f"in the last state that held it bends −{-math.degrees(held):.1f}°" in call.out
+    assert f"{found['joint_angles_rad'][0]:.6g}" not in call.out
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (["task.payload=10 g"], ["weighs nothing"]),
+        (["task.payload=10"], ["weighs nothing", "10 kg on a chain of 9 g: is it 10 g?"]),
+        (["task.payload=10", "chain.gravity=[0, 0, -9.81]"], ["is it 10 g?"]),
+        (["task.payload=10 g", "chain.gravity=[0, 0, -9.81]"], []),
+        (["chain.payload=10 g"], ["weighs nothing"]),
+    ],
+)
+def test_a_payload_that_weighs_nothing_or_far_too_much_is_asked_about(
+    pliant, write, read, changes, says
+) -> None:
+    loaded = ("task.kind=tip_load", "task.pressure=2 kPa", *changes)
+    call = pliant("simulate", write(FAR, "far.yaml"), *loaded, "--json", "out.json").done()
+    remarks = read("out.json")["remarks"]
+    assert len(remarks) == len(says)
+    assert all(word in remark and remark in call.out for word, remark in zip(says, remarks, strict=True))

@@ -58,7 +58,8 @@ def module_mass_kg() -> float:
 
 
 def test_mjcf_loads_in_plain_mujoco(pliant, study, workplace) -> None:
-    pliant("export", study, "--out", "out/robot.xml", "--json", "done.json").done()
+    call = pliant("export", study, "--out", "out/robot.xml", "--json", "done.json").done()
+    assert "no actuator" in call.out and "no payload of the task" in call.out
     model = mujoco.MjModel.from_xml_path(str(workplace / "out" / "robot.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -167,7 +168,7 @@ def test_an_engine_that_is_missing_is_named(pliant, study, monkeypatch) -> None:
     monkeypatch.setattr(Component, "missing", lambda self: "mujoco" if self.kind == "mujoco" else None)
     call = pliant("export", study, "--out", "robot.xml")
     said = " ".join(call.err.split())
-    assert call.code == 2 and "no engine writes 'mjcf'" in said and "pip install mujoco" in said
+    assert call.code == 2 and "no engine writes 'mjcf'" in said and "pip install 'pliant[mujoco]'" in said
 
 
 def test_modules_without_a_radius_are_seen_between_rigid_pieces(pliant, write):

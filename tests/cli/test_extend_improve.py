@@ -55,6 +55,24 @@ def test_a_study_elsewhere_finds_its_files_and_has_the_overrides(pliant, joint, 
     assert pliant("compare", new, "--quiet").code == 0
 
 
+def test_several_files_that_were_fitted_are_those_of_the_new_study(pliant, joint, read, tables, workplace):
+    """Each file has some of the runs; the new study names both, and reads what was fitted."""
+    header, *rows = (line for line in tables["hidden"].splitlines() if not line.startswith("#"))
+    runs = sorted({row.split(",")[0] for row in rows})
+    for name, part in (("first", runs[::2]), ("second", runs[1::2])):
+        lines = [header, *(row for row in rows if row.split(",")[0] in part)]
+        (workplace / "data" / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    files = ("data/first.csv", "data/second.csv")
+    options = [word for file in files for word in ("--data", file)]
+    pliant(
+        "extend", joint, *options, "--effect", "viscoelastic", "--json", "r.json", "--out", "new.yaml"
+    ).done()
+    assert all(file in (workplace / "new.yaml").read_text() for file in files)
+    pliant("compare", "new.yaml", "--json", "c.json").done()
+    error = read("c.json")["outputs"]["angle_rad"]["rmse"]
+    assert error == pytest.approx(read("r.json")["after"]["outputs"]["angle_rad"]["rmse"], rel=1e-3)
+
+
 def test_an_effect_that_is_not_there_writes_nothing(pliant, joint, read, workplace):
     call = pliant("extend", joint, "--data", "data/clean.csv", "--effect", "mullins", "--json", "r.json")
     assert call.code == 3
@@ -153,6 +171,8 @@ def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
     words = f"stands for one of {', '.join(step['stands_for'])}"
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
     assert words in page and words in (workplace / "new.yaml").read_text()
+    written = (workplace / "new.yaml").read_text()  # it is held against the file that it was fitted to
+    assert "measurements:\n  file: open.csv\n" in written
     assert " (or " in call.out and read("r.json")["steps"][0]["stands_for"] == []
 
 

@@ -38,10 +38,12 @@ CALLS = {
     "plan": ("loop/finger.yaml",),
     "render": ("law.yaml", "--backbone", "--out", "line.png"),
     "export": ("law.yaml", "--out", "chain.xml"),
+    "import": ("doubted.csv",),
     "store": (),
     "report": ("ran",),
     "check": ("material", "neo_hookean"),
     "schema": (),
+    "example": ("hidden-effect",),
     "new-plugin": ("my-effect",),
 }
 PUBLISHED = {"study-shape": "shape_matching", "study-gripper": "gripper_codesign"}
@@ -62,6 +64,8 @@ def folder(tmp_path_factory):
     for name, text in (("law", BENCH), ("searched", SEARCHED), ("joint", JOINT)):
         (place / f"{name}.yaml").write_text(text)
     bench_table(place)
+    rows = "".join(f"{k},{1000 * k},{k}\n" for k in range(20))
+    (place / "doubted.csv").write_text(f"time_s,pressure_pa,angle_rad\n{rows}")
     store = place / DEFAULT_STORE
     ArtifactStore(store).make(Recipe("tried", {}, {}, "", {}), lambda parts: {})
     ran = ["run", f"{place / 'law.yaml'}", "--out", f"{place / 'ran'}", "--store", f"{store}", "--quiet"]

@@ -111,7 +111,9 @@ def without(monkeypatch):
 @pytest.mark.parametrize("verb", ["run", "simulate"])
 def test_a_missing_package_is_found_before_any_work(pliant, write, workplace, finger, without, verb):
     without("mujoco")
-    pliant(verb, write(finger), "physics=mujoco").refused("physics 'mujoco' needs mujoco: pip install mujoco")
+    pliant(verb, write(finger), "physics=mujoco").refused(
+        "physics 'mujoco' needs mujoco: pip install 'pliant[mujoco]'"
+    )
     assert not (workplace / ".pliant").exists()
 
 

@@ -176,7 +176,7 @@ def test_the_effect_of_the_docs_runs_from_outside_the_tree(own_effect):
     simulate, plugins, _ = own_effect
     assert "stiffening.py" in run(plugins)
     # τ(p, u) with E scaled by 1 + 2 u² is in balance at each joint.
-    u = float(re.search(r"max_joint_angle_rad +([\d.]+)", run(simulate))[1])
+    u = np.radians(float(re.search(r"max_joint_angle +([\d.]+)°", run(simulate))[1]))
     law = 1.637e-6 * 15e3 - 1.704e-6 * 15e3 * u - (1 + 2 * u * u) * (0.1012 * u * u / 2 + 0.0245 * u)
     assert abs(law) < 1e-6
 

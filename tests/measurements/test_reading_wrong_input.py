@@ -31,7 +31,10 @@ def complaint(read):
         (HEAD.strip() + ",angle_rad\n", "column 'angle_rad' stands 2 times"),
         (HEAD.strip() + ",angle_deg\nA,0,0,0,0\n", "'angle_rad' and 'angle_deg' both mean angle_rad"),
         (HEAD + "A,0,0,abc\n", "line 2: column angle_rad: 'abc' is not a number; leave missing"),
-        (HEAD + 'A,0,"1,5",0\n', "line 2: column pressure_pa: '1,5' is not a number; decimals need a point"),
+        (
+            HEAD + 'A,0,"1,5",0.5\n',
+            "line 2: column pressure_pa: '1,5' is not a number; decimals need a point",
+        ),
         (HEAD + "A,0,1_000,0\n", "line 2: column pressure_pa: '1_000' is not a number"),
         (HEAD + "A,0,inf,0\n", "line 2: column pressure_pa is infinite"),
         (HEAD + "A,0,0,1e999\nA,1,x,0\n", "line 2: column angle_rad is infinite"),

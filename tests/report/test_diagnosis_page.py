@@ -24,6 +24,7 @@ from tests.report.pages import check_sound
 
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Verdict
+from pliant.evidence.excess import Excess
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (
     detectable_table,
@@ -101,8 +102,12 @@ def test_every_verdict_has_a_whole_page(case):
     assert not re.search(r"<tbody>\s*</tbody>|<ul[^>]*>\s*</ul>|<p>\s*</p>", page.html)
     sections = re.findall(r"<section.*?</section>", page.html, re.DOTALL)
     assert len(sections) >= 4
-    assert all(re.search(r"<img|<td|<p", section) for section in sections)
-    first = re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])[0]
+    assert all(re.search(r"<img|<td|<p|<li", section) for section in sections)
+    assert all(re.search(r"<details( open)?><summary><h2>", section) for section in sections)
+    answered = re.findall(r"<dt>(.*?)</dt><dd>.+?</dd>", page.html.split("<img")[0])
+    assert answered == ["How good", "What is missing", "How sure", "What next"]
+    titles = re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])
+    first = next(title for title in titles if title != "In more words")
     assert (first == "Noise") is (found.verdict == "not_repeatable")  # the repeats are the finding
     assert ("repeats" in page.pictures) is (found.verdict != "insufficient_data")  # of a run alone
     assert ("nobody knows whether the bench repeats" in page.html) is (found.verdict == "insufficient_data")
@@ -228,3 +233,18 @@ def test_readings_without_noise_or_time_and_missing_ones_have_a_page(clock):
     found = diagnose(predictor_of(chain, punched), kinds=("stiffness", "actuation_gain"))
     page = rendered(diagnosis_document("f", punched, found, REGISTRY))
     assert "changes_1" in page.pictures and "nan" not in re.sub(r'"data:[^"]*"', "", page.html)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ratio", "says"),
+    [
+        ("unknown_effect", 1.06, "Leave the model as it is unless"),
+        ("unknown_effect", 2.4, "Do not extend the study"),
+        ("nothing_missing", 1.0, "Leave the model as it is for"),
+        ("nothing_missing", 1.6, "Record other rates"),
+    ],
+)
+def test_what_to_do_is_about_what_is_left_to_gain(verdict, ratio, says):
+    measurement, found = made(verdict)
+    left = replace(found, judgement=replace(found.judgement, as_it_is=Excess(ratio, 0.02)))
+    assert diagnosis_document("f", measurement, left, REGISTRY).points[-1].startswith(says)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
+from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import Known, Schema, read_columns
-from pliant.tabular.text import open_sheet
 
 THERMAL = Schema(
     (

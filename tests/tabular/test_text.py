@@ -9,8 +9,9 @@ from pliant.calibration.reading import read_bench_data
 from pliant.errors import UserError
 from pliant.measurements.reading import read_measurement
 from pliant.tabular import text
+from pliant.tabular.cells import is_number
 from pliant.tabular.fem_reading import read_table
-from pliant.tabular.text import is_number, open_sheet
+from pliant.tabular.opening import open_sheet
 
 ROWS = "0.5,0.1,0.2\n1.5,0.25,0.125\n"
 MARKS = {",": ("latin-1", "."), ";": ("utf-16", ","), "\t": ("utf-8-sig", ",")}

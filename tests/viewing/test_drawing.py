@@ -83,6 +83,38 @@ def test_a_bent_skin_keeps_its_ends_and_follows_the_joints():
     assert apart.max() < 1.1 * RADIUS_M
 
 
+def test_an_evenly_bent_rod_is_a_smooth_arc():
+    """Its sides lie on circles about one centre: no kink from joint to joint."""
+    chain = rods(8)
+    skin, geometry = skin_of(chain), ChainGeometry.of(chain)
+    straight, pose = geometry.forward(bent(chain, 0.0)), geometry.forward(bent(chain, 0.3))
+    local = (skin.rest.vertices_m - straight.origins[0]) @ straight.rotations[0]
+    length = chain.length_m / 8
+    inside = (local[:, 0] > length) & (local[:, 0] < chain.length_m - length)
+    axial = inside & (np.abs(local[:, 1]) < 1e-3 * RADIUS_M)  # the two lines in the plane of bending
+    posed = (skin.posed(straight, pose) - pose.origins[0]) @ pose.rotations[0]
+    for side in (1, -1):
+        x, z = posed[axial & (side * local[:, 2] > 0.9 * RADIUS_M)][:, [0, 2]].T
+        rows = np.column_stack([2 * x, 2 * z, np.ones_like(x)])
+        centre = np.linalg.lstsq(rows, x**2 + z**2, rcond=None)[0][:2]
+        radii = np.hypot(x - centre[0], z - centre[1])
+        assert len(radii) > 20 and np.ptp(radii) < 0.01 * RADIUS_M
+
+
+def test_a_payload_hangs_below_the_tip_and_clear_of_the_finger():
+    chain = rods(8, payload="10 g")
+    frames = chain_frames(np.zeros(1), bent(chain, 0.3)[None])
+    drawing = SceneDrawing(chain_scene(chain), frames, (64, 48))
+    drawing.place(frames, 0)
+    body = drawing.model.body("payload0")
+    ball = drawing.data.geom_xpos[body.geomadr[0]]
+    radius = float(drawing.model.geom_size[body.geomadr[0]][0])
+    tip = ChainGeometry.of(chain).markers(bent(chain, 0.3))[-1]
+    np.testing.assert_allclose(ball[:2], tip[:2], atol=1e-9)
+    assert ball[2] + radius < tip[2] - RADIUS_M
+    assert drawing.extent.box[0, 2] <= ball[2] - radius
+
+
 def test_a_skin_is_closed():
     """Halves are welded and walls between them are gone: every edge belongs to two faces."""
     skin = skin_of(rods())

@@ -22,8 +22,9 @@ from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
+from pliant.tabular.cells import Problems, lines_text
+from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import FileColumn, Known, Schema, Values, read_columns
-from pliant.tabular.text import Problems, lines_text, open_sheet
 
 ADVICE = "correct the file"
 LARGEST_STRAIN = 20.0

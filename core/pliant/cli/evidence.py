@@ -23,6 +23,7 @@ from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import displayed_in, listed
+from pliant.measurements.files import sources_of
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
@@ -163,7 +164,8 @@ def write_runs(
 ) -> list[str]:
     """Write each run under its file's name; returns the paths. `data`: the measurement's files, if not the study's."""
     notes, here = loaded.measurements, Path.cwd()
-    files = data or ([Path(notes.file)] if notes is not None else [])
+    named = data or (notes.file if notes is not None else ())
+    files = sources_of(named) if named else []
     old = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files]
     for name, run in runs:
         write_protocol(

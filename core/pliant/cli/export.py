@@ -25,6 +25,10 @@ from pliant.registry.discovery import Registry
 # Endings that do not name their format themselves.
 FORMATS = {"xml": "mjcf"}
 STL = "stl"
+CANNOT_MOVE = (
+    "It holds geometry, masses and the stiffness at rest. It cannot move by itself: there is no actuator, no law of "
+    "pressure or tendon, and no payload of the task in it."
+)
 
 
 def surface_of(bench: Workbench, study: Study, part: str, scale: float) -> TriangleMesh:
@@ -89,6 +93,7 @@ def export(
     here.result.update({"files": list(files), "format": engine.capabilities.export})
     beside = f" and {len(files) - 1} mesh(es) in {files[1].parent}" if len(files) > 1 else ""
     here.say(f"written  {out}{beside}")
+    here.say(CANNOT_MOVE)
 
 
 def writer_of(registry: Registry, out: Path, form: str | None) -> PhysicsBackend:

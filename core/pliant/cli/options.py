@@ -72,7 +72,7 @@ def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]
 
         def call(**given: Any) -> None:
             own_store, target = given.pop("store", DEFAULT_STORE), given.pop("json", None)
-            name = function.__name__.replace("_", "-")
+            name = function.__name__.rstrip("_").replace("_", "-")  # `import_`: the word is Python's own
             with session(name, target, given.pop("quiet"), own_store) as here:
                 function(here, **given)
 
@@ -105,13 +105,19 @@ Full = Annotated[
 ]
 
 
-def check_target(source: Path, target: Path, force: bool) -> None:
-    """Refuse a place that cannot be written or that holds something, before any work is done."""
+def check_target(source: Path | None, target: Path, force: bool | None = None) -> None:
+    """Refuse a place that cannot be written or that holds something, before any work is done.
+
+    `source` is the study that the new one comes from, where it comes from one; `force` is None where a verb has no
+    such option.
+    """
     if os.path.isdir(target):  # noqa: PTH112 - never raises
         raise UserError(
             f"--out needs the name of a file, and {target} is a folder; try {target / 'new.yaml'}."
         )
-    refuse_bases(target, ReadStudy.read(source))
+    if source is not None:
+        refuse_bases(target, ReadStudy.read(source))
     if os.path.exists(target) and not force:  # noqa: PTH110 - never raises
-        raise UserError(f"{target} is there already; give another --out, or --force to overwrite it.")
+        or_force = "" if force is None else ", or --force to overwrite it"
+        raise UserError(f"{target} is there already; give another --out{or_force}.")
     check_writable(target.parent)

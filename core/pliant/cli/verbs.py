@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import keyword
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from pliant.errors import interrupted_at_start
 
 # Verb → module of `pliant.cli` that holds a function of its name, in the order of `pliant --help`.
 VERBS = {
+    "example": "example",
     "run": "studies",
     "fem": "studies",
     "fit": "fit",
@@ -32,6 +34,7 @@ VERBS = {
     "plan": "plan",
     "extend": "extend",
     "improve": "improve",
+    "import": "importing",
     "export": "export",
     "render": "render",
     "view": "render",
@@ -44,7 +47,7 @@ class Verb(TyperCommand):
     """A verb as `pliant --help` lists it; the command itself, with its options, is made when it is called."""
 
     def __init__(self, name: str) -> None:
-        self._function = name.replace("-", "_")
+        self._function = name.replace("-", "_") + "_" * keyword.iskeyword(name)
         self._module = VERBS[name]
         super().__init__(name, help=self._docstring())
 

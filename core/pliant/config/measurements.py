@@ -1,14 +1,14 @@
-"""The `measurements` block of a study, and the YAML file that may lie beside a measurement CSV."""
+"""The `measurements` block of a study, and the YAML file that may lie beside a measurement."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from pliant.config.chain import Count
 from pliant.interfaces.base import FrozenModel
-from pliant.units import Length, Ratio, Time
+from pliant.units import Frequency, Length, Ratio, Time
 
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
@@ -78,6 +78,27 @@ class ExcludedSpan(FrozenModel):
         return self.start_s is None and self.end_s is None and self.lines is None
 
 
+def _as_list(value: Any) -> Any:
+    """One text or number stands for a list of one."""
+    return [value] if isinstance(value, str | int | float) else value
+
+
+def _as_text(value: Any) -> Any:
+    return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+CellText = Annotated[Name, BeforeValidator(_as_text)]
+
+
+class JoinedFile(FrozenModel):
+    """Another logger's file with inputs or conditions. ``join: pressure.csv`` is short for ``{file: …}``."""
+
+    file: Name = Field(description="the other file, relative to this one")
+    shift_s: Time = Field(
+        0.0, description="added to the other file's clock, to make it this one's, e.g. -0.4 s"
+    )
+
+
 class ColumnNotes(FrozenModel):
     """What any table may leave unsaid of its columns, in a YAML file of the same stem beside it."""
 
@@ -86,6 +107,15 @@ class ColumnNotes(FrozenModel):
     )
     units: dict[Name, Name] = Field(
         default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
+    )
+    missing: Annotated[tuple[CellText, ...], BeforeValidator(_as_list)] = Field(
+        (), description="what stands for a missing value, e.g. [OVERLOAD, -999]"
+    )
+    decimal: Literal[",", "."] | None = Field(
+        None, description="the mark of decimals; then the other one stands between thousands"
+    )
+    table: Name | None = Field(
+        None, description="which sheet of a spreadsheet or variable of a .mat, where several"
     )
 
 
@@ -103,12 +133,34 @@ class MeasurementNotes(ColumnNotes):
         default_factory=dict,
         description="of a file of counts: column: key of the task, e.g. {weights: task.extra_weights}",
     )
+    rate: Frequency | None = Field(
+        None, gt=0, description="pictures or samples a second, of a column 'frame', e.g. 25 Hz"
+    )
+    restarts: Literal["new run"] | None = Field(
+        None, description="new run: a clock that begins again begins a run"
+    )
+    name_pattern: Name | None = Field(
+        None,
+        description="what the file's name says, e.g. finger_{specimen}_{payload_g}g_{run}; * stands for anything",
+    )
+    join: Annotated[
+        JoinedFile | None, BeforeValidator(lambda value: {"file": value} if isinstance(value, str) else value)
+    ] = Field(
+        None,
+        description="another logger's inputs or conditions, taken as straight lines at this file's times",
+    )
+    zero: dict[Name, float | str] = Field(
+        default_factory=dict,
+        description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}",
+    )
 
 
 class MeasurementsConfig(MeasurementNotes):
-    """The `measurements` block: the CSV, and what it does not say of itself (before the YAML beside it)."""
+    """The `measurements` block: the file, and what it does not say of itself (before the YAML beside it)."""
 
-    file: Name = Field(description="the CSV, relative to the study")
+    file: Annotated[Name | tuple[Name, ...], Field(min_length=1)] = Field(
+        description="the file, relative to the study; several, or a pattern such as runs/*.csv, are runs in their order"
+    )
     outputs: tuple[Name, ...] = Field((), description="outputs to use; all by default")
     max_samples: Count = Field(
         MOST_SAMPLES, ge=1000, description="samples kept of a longer file, thinned evenly per run"

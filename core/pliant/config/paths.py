@@ -64,5 +64,7 @@ def _change(block: Any, key: str, change: Callable[[str], str]) -> None:
     for name, value in block.items() if isinstance(block, dict) else ():
         if name == key and isinstance(value, str):
             block[name] = change(value)
+        elif name == key and isinstance(value, list):
+            block[name] = [change(item) if isinstance(item, str) else item for item in value]
         else:
             _change(value, key, change)

@@ -106,11 +106,11 @@ class StudyDraft:
             )
             tree["extends"].fa.set_flow_style()
             for key, value in changes.items():
-                tree[key] = _node(value)
+                tree[key] = as_node(value)
         for path, remark in self._remarks.items():
             _remark(tree, path, remark)
         stream = io.StringIO()
-        yaml = _yaml()
+        yaml = yaml_writer()
         yaml.dump(tree, stream)
         return "".join(f"# {line}\n" for line in head.splitlines()) + stream.getvalue()
 
@@ -163,7 +163,8 @@ def refuse_bases(target: Path, source: StudyFile) -> None:
         )
 
 
-def _yaml() -> YAML:
+def yaml_writer() -> YAML:
+    """How YAML is written: blocks indented by two, no line broken."""
     yaml = YAML(typ="rt")
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.width, yaml.preserve_quotes = 10_000, True
@@ -215,12 +216,12 @@ def _add_unchanged(changes: dict[str, Any], values: dict[str, Any], path: KeyPat
         node.update({path[-1]: source[path[-1]], **changed})
 
 
-def _node(value: Any) -> Any:
+def as_node(value: Any) -> Any:
     """Plain values as ruamel's nodes: blocks on lines of their own, lists of plain values on one."""
     if isinstance(value, Mapping):
-        return CommentedMap({key: _node(item) for key, item in value.items()})
+        return CommentedMap({key: as_node(item) for key, item in value.items()})
     if isinstance(value, list | tuple):
-        listed = CommentedSeq([_node(item) for item in value])
+        listed = CommentedSeq([as_node(item) for item in value])
         if not any(isinstance(item, Mapping) for item in value):
             listed.fa.set_flow_style()
         return listed
@@ -266,7 +267,7 @@ def _become(tree: Any, values: Any) -> None:
             tree.fa.set_flow_style()
         below = _cut_below(tree, len(tree) - 1) if tree and len(tree) != len(values) else ""
         del tree[len(values) :]
-        tree.extend([_node(value) for value in values[len(tree) :]])
+        tree.extend([as_node(value) for value in values[len(tree) :]])
         if below and tree:
             _put_below(tree, len(tree) - 1, below)
         pairs = enumerate(values)
@@ -283,7 +284,7 @@ def _become(tree: Any, values: Any) -> None:
         else:
             short = value["kind"] if isinstance(value, Mapping) and set(value) == {"kind"} else value
             if not known or not any(_same(plain_values(there), form) for form in (value, short)):
-                tree[key] = _node(value)
+                tree[key] = as_node(value)
 
 
 def _remove(tree: CommentedMap, key: str) -> None:

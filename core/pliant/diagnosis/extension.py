@@ -235,7 +235,7 @@ def write_extended_study(
         note: where they come from, one line.
         registry: as it was before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
-        data: the measurement that was fitted where it is not the study's; a single one becomes the new study's.
+        data: the files that were fitted where they are not the study's; they become the new study's.
         full: whether the file shall stand alone.
 
     Raises:
@@ -243,11 +243,12 @@ def write_extended_study(
     """
     draft = StudyDraft(source, overrides)
     meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
-    if data is not None and len(data) == 1:
-        file = str(data[0].absolute())
-        draft.set(("measurements", "file"), file)
-        block = study.measurements or MeasurementsConfig(file=file)
-        meant["measurements"] = {**block.canonical(), "file": file}
+    if data:
+        files = tuple(str(file.absolute()) for file in data)
+        named: str | tuple[str, ...] = files[0] if len(files) == 1 else files
+        draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
+        block = study.measurements or MeasurementsConfig(file=named)
+        meant["measurements"] = {**block.canonical(), "file": named}
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
         draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))

@@ -253,9 +253,11 @@ class _Walk:
         if core is not None:
             known = _standing_in(core, named)
         else:
-            notes = self.bench.registry.get("effect", kind).implementation_class().notes
-            known = f"The training runs speak for {kind}."
+            component = self.bench.registry.get("effect", kind)
+            notes = component.implementation_class().notes
+            known = f"The training runs speak for {kind}: {component.summary}."
             known += f" It is known by this: {notes.signature}" if notes.signature else ""
+            known += f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else ""
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
         fall = f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."

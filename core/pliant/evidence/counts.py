@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,11 +40,13 @@ from pliant.execution.jobs import JobQueue
 from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
+from pliant.measurements.files import Sources, sources_of
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.counts import CountCondition, Counts
+from pliant.tabular.opening import is_frame
 
 SHARE = "success_share"
 
@@ -308,13 +309,13 @@ class CountedStudy:
         return changed_task(self.task, {**condition.changes, "task.trials": self.trials})
 
 
-def is_counted(study: Study, data: Path | None = None) -> bool:
+def is_counted(study: Study, data: Sources = None) -> bool:
     """Whether the study's measurements, or `data`, are a file of counts."""
     path = _file(study, data)
     return path is not None and holds_counts(path, study.task, study.measurements)
 
 
-def counted_study(study: Study, data: Path | None = None) -> CountedStudy:
+def counted_study(study: Study, data: Sources = None) -> CountedStudy:
     """Read the counts; raises `UserError` for a task that counts no trials, and what `read_counts` raises."""
     path = _file(study, data)
     if path is None:
@@ -338,7 +339,8 @@ def compare_counted(bench: Workbench, counted: CountedStudy, workers: Workers = 
     return compare_counts(counted.counts, simulate_trials(bench, counted.study, settings, workers))
 
 
-def _file(study: Study, data: Path | None) -> Path | None:
-    if data is not None:
-        return data
-    return None if study.measurements is None else Path(study.measurements.file)
+def _file(study: Study, data: Sources) -> Any:
+    """The one table that may hold counts; None where there are several, or none."""
+    files = data if data is not None else study.measurements.file if study.measurements is not None else ()
+    sources = sources_of(files) if is_frame(files) or files else []
+    return sources[0] if len(sources) == 1 else None

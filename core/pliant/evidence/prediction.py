@@ -9,18 +9,14 @@ import copy
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
-from pliant.measurements.joining import together
-from pliant.measurements.reading import read_measurement
+from pliant.measurements.files import Sources, read_measurements
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
@@ -29,6 +25,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.measurement import Measurement
+from pliant.tabular.opening import is_frame
 
 JOINT_ANGLE = re.compile(r"joint_(\d+)_angle_rad")
 POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
@@ -245,13 +242,11 @@ class Predictor:
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
 
 
-def measurement_of_study(
-    bench: Workbench, study: Study, data: Path | Sequence[Path] | None = None
-) -> Measurement:
+def measurement_of_study(bench: Workbench, study: Study, data: Sources = None) -> Measurement:
     """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
 
-    Several files are one measurement, in their order: the block's renames, units and sigmas hold for all of them, its
-    exclusions for the first.
+    Several files, or a pattern for them, are one measurement, in their order: the block's renames, units and sigmas
+    hold for all of them; where `data` are given, its exclusions are of the first. `data` may be pandas frames too.
 
     The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
 
@@ -259,24 +254,21 @@ def measurement_of_study(
         UserError: no file is named, or it cannot be read.
     """
     settings = study.measurements
-    if settings is None and not data:
+    given = is_frame(data) or bool(data)
+    if settings is None and not given:
         raise UserError(
             f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
             "or give --data bench.csv."
         )
-    files = [data] if isinstance(data, Path) else list(data or ())
-    blocks = [settings] if settings is not None and not files else []
-    for number, file in enumerate(files):
-        given: dict[str, object] = {"file": str(file)} | ({"exclude": ()} if number else {})
-        blocks.append(settings.model_copy(update=given) if settings else MeasurementsConfig(file=str(file)))
     chain = chain_of_study(bench, study).chain
-    read = partial(
-        read_measurement,
+    return read_measurements(
+        data if given or settings is None else settings.file,
+        settings,
         actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
         expected=expected_ranges(chain),
         progress=bench.progress,
+        exclude_from_first=given,
     )
-    return together([read(Path(block.file), settings=block) for block in blocks])
 
 
 def expected_ranges(chain: ChainModel) -> Mapping[str, tuple[float, float]]:

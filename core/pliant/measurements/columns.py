@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.tabular.schema import FileColumn, Known, Schema, check_named
-from pliant.tabular.units import stem
+from pliant.tabular.names import bare, lines_to_write, meanings, proposed
+from pliant.tabular.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
+from pliant.tabular.sheet import Sheet
+from pliant.tabular.units import stem, unit_at_the_end, value_of
 
 # The measurement CSV of docs/measurement_files.md.
 KNOWN = (
@@ -79,47 +83,52 @@ class Header:
         places: index in the file of each column, by its written name.
         texts: index in the file of `run` and `specimen`, where it has them.
         remarks: what was ignored or converted, in sentences.
+        given: numbers that do not stand in the file, after `columns`: of its name, or of another logger.
     """
 
     columns: tuple[FileColumn, ...]
     places: dict[str, int]
     texts: dict[str, int]
     remarks: tuple[str, ...]
+    given: tuple[FileColumn, ...] = ()
 
     def names(self, *roles: str) -> list[str]:
         """Pliant's names of the columns in some roles."""
-        return [column.name for column in self.columns if column.role in roles]
+        return [column.name for column in self.every if column.role in roles]
+
+    @property
+    def every(self) -> tuple[FileColumn, ...]:
+        """All columns of numbers."""
+        return (*self.columns, *self.given)
 
 
 def read_header(
-    path: Path,
-    written: Sequence[str],
+    sheet: Sheet,
     notes: MeasurementNotes,
     notes_name: str,
     actuation: Sequence[str] | None,
+    given: Sequence[FileColumn] = (),
 ) -> Header:
     """Match the header with the known columns.
 
     Args:
-        path: the CSV, for messages.
-        written: names in the file.
+        sheet: the open file.
         notes: renames and units.
         notes_name: where a user would write notes, for messages.
         actuation: names of the chain's inputs; all inputs of the file where None.
+        given: columns that do not stand in the file.
 
     Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
     """
-    named = [*written, *map(stem, written)]
-    check_named(path, notes_name, "rename", notes.rename, named)
-    check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
-    found = MEASUREMENT.matched(path, written, notes, frozenset(actuation or ()))
+    path, written = sheet.path, sheet.header
+    found = match(sheet, notes, notes_name, frozenset(actuation or ()))
     read = {column.written for column in found.values()}
     unknown = [name for name in written if name and name not in read]
     remarks = _unknown_remarks(unknown, notes, notes_name)
     if "" in written:
         remarks.append("A column without a name is ignored.")
     numeric = [column for column in found.values() if column.role != "text"]
-    _check_needed(path, numeric, unknown, notes_name, actuation)
+    _check_needed(path, [*numeric, *given], unknown, notes_name, actuation)
     outputs = [column.name for column in numeric if column.role == "output"]
     used = []
     for column in numeric:
@@ -134,26 +143,119 @@ def read_header(
             remarks.append(f"Column '{column.name}' has no output of its own in the file and is ignored.")
         else:
             used.append(column)
-    if "run" not in found:
+    if "run" not in found and all(column.name != "run" for column in given):
         remarks.append(f"The file has no column 'run': all rows are one run, '{path.stem}'.")
     if "time_s" not in found:
         remarks.append(
             "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "
             "cannot be judged."
         )
-    for column in found.values():
-        if (column.scale, column.shift) != (1.0, 0.0):
-            shift = f" + {column.shift:g}" if column.shift else ""
-            remarks.append(
-                f"Column '{column.written}' was converted: {column.name} = {column.scale:.6g} × value{shift}."
-            )
-        elif column.written != column.name and column.written not in notes.rename:
-            remarks.append(f"Column '{column.written}' is read as {column.name}.")
+    remarks += [text for column in found.values() if (text := _converted(column, notes))]
     places = {name: i for i, name in enumerate(written)}
     texts: dict[str, int] = {
         name: places[found[name].written] for name in ("run", "specimen") if name in found
     }
-    return Header(tuple(used), places, texts, tuple(remarks))
+    numbers = tuple(column for column in given if column.role != "text")
+    return Header(tuple(used), places, texts, tuple(remarks), numbers)
+
+
+def match(
+    sheet: Sheet, notes: MeasurementNotes, notes_name: str, inputs: frozenset[str] = frozenset()
+) -> dict[str, FileColumn]:
+    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros."""
+    path, written = sheet.path, sheet.header
+    named = [*written, *map(stem, written)]
+    check_named(path, notes_name, "rename", notes.rename, named)
+    check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
+    found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
+    if (
+        "time_s" not in found
+        and (clock := _of_labview(sheet) or _of_frames(sheet, notes, notes_name)) is not None
+    ):
+        found["time_s"] = clock
+    check_named(path, notes_name, "zero", notes.zero, [*named, *found])
+    return {name: with_zero(column, notes, notes_name) for name, column in found.items()}
+
+
+def with_zero(column: FileColumn, notes: MeasurementNotes, notes_name: str) -> FileColumn:
+    """A column from whose numbers the zero of the notes is subtracted, where they state one."""
+    zero = noted(notes.zero, column.written, stem(column.written), column.name)
+    if zero is None:
+        return column
+    value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
+    return replace(column, shift=column.shift - value, zero=value)
+
+
+def _of_labview(sheet: Sheet) -> FileColumn | None:
+    """The column X_Value of a LabVIEW measurement file, which is the time in seconds unless its header says else."""
+    labview = any(line.startswith("LabVIEW Measurement") for line in sheet.preamble)
+    other = any(line.startswith("X_Dimension") and "Time" not in line for line in sheet.preamble)
+    if labview and not other and "X_Value" in sheet.header:
+        return FileColumn("X_Value", "time_s", "time", "s", in_unit="s")
+    return None
+
+
+FRAME_RATE = re.compile(
+    r"\b(?:frame|sampl\w*|recording|picture|video|bild\w*|abtast\w*)[\s_-]*(?:rate|frequen\w*|freq)?\b[^\d\n]*?"
+    r"(\d+(?:[.,]\d+)?)[\s,;]*(?:fps|hz|1/s)\b|\bfps\b\W*(\d+(?:[.,]\d+)?)",
+    re.IGNORECASE,
+)
+
+
+def _of_frames(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> FileColumn | None:
+    """The clock that a column of numbered pictures is, at the rate of the notes or of a line above the header."""
+    written = next((name for name in sheet.header if "frame" in meanings(notes.rename.get(name, name))), None)
+    if written is None:
+        return None
+    rates = {rate for line in sheet.preamble for rate in _rates(line)}
+    if notes.rate is None and len(rates) != 1:
+        several = (
+            f"; the lines above the header say {' and '.join(f'{r:g}' for r in sorted(rates))} Hz"
+            if rates
+            else ""
+        )
+        raise UserError(
+            f"{sheet.path}: column '{written}' numbers pictures, and nothing says their rate{several}. Write "
+            f"'rate: 25 Hz', or what it was, into {notes_name}."
+        )
+    rate = notes.rate if notes.rate is not None else rates.pop()
+    return FileColumn(written, "time_s", "time", "s", 1.0 / rate, in_unit=FRAMES)
+
+
+def _rates(line: str) -> list[float]:
+    return [float((one or other).replace(",", ".")) for one, other in FRAME_RATE.findall(line)]
+
+
+def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
+    """What was done to a column's numbers, in a sentence; empty where it is read as it stands."""
+    about = f"Column '{column.written}'"
+    if column.in_unit == FRAMES:
+        return f"{about} numbers pictures: time_s = value / {1 / column.scale:g} Hz."
+    if column.stamped:
+        return f"{about} holds dates or times of day: time_s counts from the first."
+    zero = f" Its zero, {column.zero:g} {column.unit}, was subtracted." if column.zero else ""
+    shift = column.shift + column.zero
+    if (column.scale, shift) != (1.0, 0.0):
+        added = f" + {shift:g}" if shift else ""
+        return f"{about} was converted: {column.name} = {column.scale:.6g} × value{added}.{zero}"
+    if column.written != column.name and column.written not in notes.rename:
+        return f"{about} is read as {column.name}.{zero}"
+    return f"{about}:{zero}" if zero else ""
+
+
+def _closest(name: str) -> str:
+    """The known column that a name resembles, or an empty text: ``angel_deg`` → angle_deg."""
+    near = closest(name.lower(), EXAMPLES)
+    stems = [example.rpartition("_")[0] or example for example in EXAMPLES]
+    of_stem = difflib.get_close_matches(bare(name).lower(), stems, n=1, cutoff=0.7)
+    ending = name[len(bare(name)) :]
+    if (
+        of_stem
+        and unit_at_the_end(name)
+        and MEASUREMENT.column_of(of_stem[0] + ending, of_stem[0] + ending, None, frozenset())
+    ):
+        return of_stem[0] + ending
+    return "" if near == "." else near.split("'")[1]
 
 
 def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:
@@ -165,15 +267,13 @@ def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name
                 f"{notes_name}: 'rename' gives '{name}' the name '{notes.rename[name]}', which is not a column of a "
                 f"measurement{closest(notes.rename[name], EXAMPLES)}"
             )
-        meant = closest(name.lower(), EXAMPLES)
-        if meant == ".":
-            plain.append(f"'{name}'")
-        else:
-            meant = meant.split("'")[1]
+        if meant := _closest(name):
             remarks.append(
                 f"Column '{name}' is not known and is ignored; did you mean {meant}? Then write "
                 f"'rename: {{{name}: {meant}}}' in {notes_name}."
             )
+        else:
+            plain.append(f"'{name}'")
     if plain:
         more = f" and {len(plain) - 20} more" if len(plain) > 20 else ""
         who = f"Column {plain[0]} is" if len(plain) == 1 else f"Columns {', '.join(plain[:20])}{more} are"
@@ -190,30 +290,54 @@ def _check_needed(
 ) -> None:
     roles = {column.role for column in columns}
     have = [column.name for column in columns if column.role == "input"]
-    of_the_file = "."
-    if unknown:
-        listed = ", ".join(unknown[:20])
-        of_the_file = f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are."
     if "count" in roles and "output" not in roles:
         raise UserError(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
             "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
         )
-    for name in actuation or ():
-        if name not in have:
-            others = [*have, *unknown]
-            listing = f"it has {', '.join(others)}" if others else "it has no input at all"
-            raise UserError(
-                f"{path}: the chain is driven by '{name}', and the file has no such column; {listing}. "
-                f"Name the column so, or write 'rename: {{its name: {name}}}' in {notes_name}."
-            )
-    if not have:
+    wanted = [name for name in actuation or () if name not in have]
+    inputs = wanted or ([] if have else ["pressure_pa", "tendon_force_n"])
+    outputs = [] if "output" in roles else ["angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m"]
+    listed = ", ".join(unknown[:20])
+    of_the_file = (
+        f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are."
+        if unknown
+        else "."
+    )
+    paste = _lines(path, notes_name, unknown, inputs, outputs)
+    for name in wanted[:1]:
+        others = [*have, *unknown]
+        listing = f"it has {', '.join(others)}" if others else "it has no input at all"
+        raise UserError(
+            f"{path}: the chain is driven by '{name}', and the file has no such column; {listing}. "
+            f"Name the column so, or write 'rename: {{its name: {name}}}' in {notes_name}.{paste}"
+        )
+    own = ", ".join(column.written for column in columns)
+    if inputs:
         raise UserError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
-            f"{of_the_file}"
+            f"{of_the_file} It has {own or 'nothing that is known'}; where another logger recorded the input, "
+            f"write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}.{paste}"
         )
-    if "output" not in roles:
+    if outputs:
         raise UserError(
             f"{path}: nothing is measured; a measurement has angle_rad, joint_1_angle_rad…, tip_x_m…, marker_1_x_m… "
-            f"or elongation_strain{of_the_file}"
+            f"or elongation_strain{of_the_file} It has {own}; where it holds the inputs of another file, write "
+            f"'join: {{file: {path.name}, shift: 0 s}}' into the notes of that one.{paste}"
         )
+
+
+def _lines(
+    path: Path, notes_name: str, unknown: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> str:
+    """The block to paste: what names and units speak for, else the first unknown column as what is lacking."""
+    columns = ["time_s", *inputs, *outputs]
+    rename, units = proposed(unknown, {name: unit_of(name) for name in columns})
+    for name, meant in rename.items():
+        if near := _closest(name):
+            rename[name] = near if bare(name).lower() != stem(name).lower() or near == meant else meant
+    units = {name: unit for name, unit in units.items() if rename[name] in columns}
+    lacking = [group[0] for group in (inputs, outputs) if group and not set(group) & set(rename.values())]
+    free = [name for name in unknown if name not in rename]
+    rename |= dict(zip(free, [name for name in lacking if name not in rename.values()], strict=False))
+    return lines_to_write(path, notes_name, rename, units)

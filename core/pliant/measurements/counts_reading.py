@@ -19,10 +19,12 @@ from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
-from pliant.measurements.reading import notes_of
+from pliant.measurements.notes import notes_of
 from pliant.records.counts import CountCondition, Counts, CountSet
+from pliant.tabular.cells import MISSING, Problems
+from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import check_named
-from pliant.tabular.text import MISSING, Problems, Sheet, open_sheet
+from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import ENDINGS
 from pliant.units import UNIT_SUFFIXES
 
@@ -40,9 +42,8 @@ def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConf
     Beside readings, counts are for a study whose task counts trials (then `read_counts` refuses the mixture); a
     chain's readings are compared and its counts are ignored.
     """
-    notes, _ = notes_of(path, settings)
-    with open_sheet(path, EXAMPLE) as sheet:
-        names = [notes.rename.get(name, name).lower() for name in sheet.header]
+    with open_sheet(path, EXAMPLE, *(noted := notes_of(path, settings))) as sheet:
+        names = [noted[0].rename.get(name, name).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
 
@@ -65,7 +66,7 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
     """
     path = Path(path)
     notes, notes_name = notes_of(path, settings)
-    with open_sheet(path, EXAMPLE) as sheet:
+    with open_sheet(path, EXAMPLE, notes, notes_name) as sheet:
         layout = _layout(path, sheet.header, notes, notes_name, type(task))
         rows = _rows(sheet, layout, task)
     sheet.problems.raise_if_any()
@@ -206,7 +207,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
     rows: list[_CountRow] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
-        cells = [[cell.strip() for cell in column] for column in block.columns]
+        cells = [[cell.strip() for cell in block.texts(place)] for place in range(len(sheet.header))]
         conditions = [cells[layout.places[c.column]] for c in layout.conditions]
         names = [cells[layout.places[name]] for name in TEXTS if name in layout.places]
         counts = {name: block.numbers(layout.places[name], name) for name in COUNTS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,10 +11,13 @@ from pliant.errors import UserError
 from pliant.formatting import plural
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.tabular.cells import Cells, Problems, lines_text
 from pliant.tabular.schema import FileColumn
-from pliant.tabular.text import Cells, Problems, lines_text
 
 MOST_RUNS = 10_000
+# Rows of a run that stand too early and follow each other in order: from here on they are a recording of its own.
+LONGEST = 10
+FEWEST = 8  # rows of a run that are sorted; of fewer nobody can tell what their order means
 DEFAULTS = {
     "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
     "payload_kg": "the chain's own",
@@ -39,11 +42,38 @@ class Blanks:
 
 
 @dataclass
+class Disorder:
+    """What is wrong with the clock of one run.
+
+    Attributes:
+        line, before, now: of the first row whose time is not later than that of the row before.
+        steps: rows before which the time goes back.
+        equal: rows with the time of the row before and other values; `equal_line` is the first.
+        stretch: the longest succession of rows in order, all earlier than some row above them.
+    """
+
+    line: int
+    before: float
+    now: float
+    steps: int = 0
+    equal: int = 0
+    equal_line: int = 0
+    equal_at: float = 0.0
+    stretch: int = 0
+
+
+@dataclass
 class RunRows:
-    """Rows of one run that are kept: every `stride`-th of the `count` that were usable; a row ends with its line."""
+    """Rows of one run that are kept: every `stride`-th of the `count` that were usable; a row ends with its line.
+
+    `part` counts from 1 where a clock that begins again begins a new run; 0 elsewhere.
+    """
 
     name: str
     specimen: str = ""
+    part: int = 0
+    latest: float = -np.inf
+    disorder: Disorder | None = None
     stride: int = 1
     count: int = 0
     parts: list[Array] = field(default_factory=list)
@@ -75,9 +105,14 @@ class Gatherer:
         blanks: what is missing, by column name; rows without time or input are left out at once.
         doubles: rows that repeat the row before to the last digit; they are left out.
         split_runs: runs whose rows do not stand together, with the line where each goes on.
+        sorted_runs: runs whose rows were put in the order of time, with the first line that was out of it.
     """
 
-    def __init__(self, columns: Sequence[FileColumn], problems: Problems, most: int) -> None:
+    def __init__(
+        self, columns: Sequence[FileColumn], problems: Problems, most: int, restarts: bool = False
+    ) -> None:
+        self.restarts = restarts
+        self.sorted_runs: dict[str, int] = {}
         self.columns, self.problems, self.most, self.limit = tuple(columns), problems, most, most
         self.runs: list[RunRows] = []
         self.blanks: dict[str, Blanks] = {}
@@ -156,42 +191,134 @@ class Gatherer:
                 )
 
     def _of_run(self, run: int, table: Array) -> None:
-        for i in (*self._needed, *self._noted):
+        self._note_blanks(run, table, self._needed)
+        table = table[~np.isnan(table[:, self._needed]).any(axis=1)]
+        for part in self._parts(run, table):
+            run = self._ids[self.runs[run].name] if self.restarts else run
+            self._note_blanks(run, part, self._noted)
+            if self._time is not None and len(part):
+                part = self._without_doubles(run, part, self._time)
+            if len(part):
+                self.runs[run].append(part)
+
+    def _note_blanks(self, run: int, table: Array, columns: Sequence[int]) -> None:
+        for i in columns:
             missing = np.isnan(table[:, i])
             if missing.any():
                 self.blanks.setdefault(self.columns[i].name, Blanks()).add(table[missing, -1], run)
-        table = table[~np.isnan(table[:, self._needed]).any(axis=1)]
-        if self._time is not None and len(table):
-            table = self._in_order(run, table, self._time)
-        if len(table):
-            self.runs[run].append(table)
 
-    def _in_order(self, run: int, table: Array, time: int) -> Array:
-        """The rows without exact doubles; a clock that stands or goes back becomes a problem."""
+    def _parts(self, run: int, table: Array) -> Iterator[Array]:
+        """The table, cut where the clock begins again if that begins a new run."""
+        if not self.restarts or self._time is None or not len(table):
+            yield table
+            return
         last = self.runs[run].last
+        times = table[:, self._time]
+        before = np.concatenate([times[:1] if last is None else last[self._time, None], times[:-1]])
+        for number, part in enumerate(np.split(table, np.flatnonzero(times < before))):
+            if number:
+                self._begin_part(run)
+            if len(part):
+                yield part
+
+    def _begin_part(self, run: int) -> None:
+        old = self.runs[self._ids[self.runs[run].name]]
+        old.part = old.part or 1
+        if len(self.runs) == MOST_RUNS:
+            raise UserError(f"{self.problems.path}: the clock begins again more than {MOST_RUNS} times.")
+        self._ids[old.name] = len(self.runs)
+        self._begun.add(len(self.runs))
+        self._now = len(self.runs)
+        self.runs.append(RunRows(old.name, old.specimen, old.part + 1))
+
+    def _without_doubles(self, run: int, table: Array, time: int) -> Array:
+        """The rows without exact doubles; a clock that stands or goes back is noted."""
+        rows = self.runs[run]
+        last = rows.last
         previous = np.concatenate([table[:1] if last is None else last[None, :], table[:-1]])
         step = table[:, time] - previous[:, time]
         if last is None:
             step[0] = np.inf
-        late = np.flatnonzero(step <= 0)
-        now, before = table[late, :-1], previous[late, :-1]
-        doubles = late[((now == before) | (np.isnan(now) & np.isnan(before))).all(axis=1)]
-        for index in np.setdiff1d(late, doubles):
-            self._clock_problem(run, int(table[index, -1]), previous[index, time], table[index, time])
-        if not doubles.size:
-            return table
-        self.doubles.add(table[doubles, -1], run)
-        return np.delete(table, doubles, axis=0)
+        wrong = np.flatnonzero(step <= 0)
+        if wrong.size:
+            now, before = table[wrong, :-1], previous[wrong, :-1]
+            doubles = wrong[((now == before) | (np.isnan(now) & np.isnan(before))).all(axis=1)]
+            self._note_disorder(rows, table, previous, step, np.setdiff1d(wrong, doubles), time)
+            if doubles.size:
+                self.doubles.add(table[doubles, -1], run)
+                table = np.delete(table, doubles, axis=0)
+        rows.latest = max(rows.latest, float(table[:, time].max(initial=-np.inf)))
+        return table
 
-    def _clock_problem(self, run: int, line: int, before: float, now: float) -> None:
-        name = self.runs[run].name
-        if now == before:
-            text = f"time_s is {now:g} again in run '{name}', with other values; one sample has one time"
-        elif self.split_runs.get(run) == line:
-            text = f"run '{name}' begins again with time_s {now:g} after {before:g}; give it another name"
-        else:
-            text = f"time_s goes back from {before:g} to {now:g} in run '{name}'; give each recording a run of its own"
-        self.problems.add(line, text)
+    def _note_disorder(
+        self, rows: RunRows, table: Array, previous: Array, step: Array, wrong: Array, time: int
+    ) -> None:
+        if not wrong.size:
+            return
+        found = rows.disorder
+        if found is None:
+            first = int(wrong[0])
+            found = rows.disorder = Disorder(
+                int(table[first, -1]), float(previous[first, time]), float(table[first, time])
+            )
+        equal = wrong[step[wrong] == 0]
+        if equal.size and not found.equal:
+            found.equal_line, found.equal_at = int(table[equal[0], -1]), float(table[equal[0], time])
+        found.equal += equal.size
+        found.steps += int(wrong.size - equal.size)
+        latest = np.maximum.accumulate(np.concatenate([[rows.latest], table[:, time]]))[:-1]
+        late = table[:, time] < latest
+        group = np.cumsum(~late | (step <= 0))
+        found.stretch = max(found.stretch, int(np.bincount(group[late]).max(initial=0)))
+
+    def finish(self) -> None:
+        """Put rows in the order of time where that is surely meant; what cannot be decided becomes a problem.
+
+        It is meant where no time comes twice and no clock begins again: rows that stand too early are single ones, or
+        there is no order at all.
+        """
+        for number, run in enumerate(self.runs):
+            found = run.disorder
+            if found is None or self._time is None:
+                continue
+            mixed = found.stretch < LONGEST and 4 * found.steps >= run.count
+            if run.stride == 1 and run.count >= FEWEST and not found.equal and (mixed or found.stretch == 1):
+                table = np.concatenate(run.parts)
+                table = table[np.argsort(table[:, self._time], kind="stable")]
+                if (np.diff(table[:, self._time]) > 0).all():
+                    run.parts = [table]
+                    self.sorted_runs[run.name] = found.line
+                    continue
+            self._clock_problem(number, run, found)
+
+    def _clock_problem(self, number: int, run: RunRows, found: Disorder) -> None:
+        if found.equal:
+            again = f", and so in {plural(found.equal - 1, 'more row')}" if found.equal > 1 else ""
+            self.problems.add(
+                found.equal_line,
+                f"time_s is {found.equal_at:g} again in run '{run.name}', with other values{again}; one sample has one "
+                "time",
+            )
+        if found.steps:
+            new_run = f"or write 'restarts: new run' into {self.problems.notes_name} if a clock that begins again does"
+            if self.split_runs.get(number) == found.line:
+                text = (
+                    f"run '{run.name}' begins again with time_s {found.now:g} after {found.before:g}; give it another "
+                    "name"
+                )
+            else:
+                again = f" and again in {plural(found.steps - 1, 'more row')}" if found.steps > 1 else ""
+                text = (
+                    f"time_s goes back from {found.before:g} to {found.now:g} in run '{run.name}'{again}; give each "
+                    "recording a run of its own"
+                )
+            self.problems.add(found.line, f"{text}, {new_run}")
+
+    def name_parts(self) -> None:
+        """Number the runs that a clock which begins again has cut: "a 1", "a 2"."""
+        for run in self.runs:
+            if run.part:
+                run.name = f"{run.name} {run.part}"
 
     def no_rows(self) -> str:
         """Why no row can be used."""
@@ -224,6 +351,7 @@ class Gatherer:
                 f"Rows of {len(self.split_runs)} of {len(self.runs)} runs do not stand together (run "
                 f"'{self.runs[run].name}' goes on in line {line}); they were put together in the file's order."
             )
+        remarks += self.order_remarks()
         if thinned := [run for run in self.runs if run.stride > 1]:
             longest = max(thinned, key=lambda run: run.stride)
             total = sum(run.count for run in self.runs)
@@ -233,6 +361,17 @@ class Gatherer:
                 f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
             )
         return remarks
+
+    def order_remarks(self) -> list[str]:
+        """Runs whose rows were sorted, in a sentence."""
+        if not self.sorted_runs:
+            return []
+        runs = ", ".join(f"'{name}'" for name in list(self.sorted_runs)[:5])
+        line = next(iter(self.sorted_runs.values()))
+        clock = next(column.written for column in self.columns if column.role == "time")
+        return [
+            f"{clock}: rows of run {runs} did not stand in its order (first in line {line}) and were sorted by it."
+        ]
 
     def condition_remarks(self) -> list[str]:
         """Blank loads and conditions: the default where a run has none at all, else rows that are left out."""

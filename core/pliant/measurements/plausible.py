@@ -6,8 +6,8 @@ import math
 import re
 from collections.abc import Mapping
 
-from pliant.measurements.columns import unit_of
 from pliant.records.measurement import Doubt
+from pliant.tabular.schema import FileColumn
 from pliant.tabular.units import conversion
 
 # Units that people record in, by SI unit.
@@ -36,13 +36,17 @@ TYPICAL = {"Pa": 3e4, "rad": 0.5, "m": 0.05, "N": 1.0, "N*m": 0.05, "kg": 0.03, 
 TO_CHECK = "Unit to check"
 HOT_C = 200.0
 LONGEST_STEP_S = 8.0
+LEAST, FEW = 0.2, 1.6  # largest angles in degrees between which an actuator's were hardly written in degrees
 # How far beyond the caller's range a column may reach, as a factor.
 BEYOND = {"rad": 15.0, "dimensionless": 50.0}
 BEYOND_OTHERWISE = 100.0
 
 
 def out_of_range(
-    largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
+    largest: Mapping[str, float],
+    expected: Mapping[str, tuple[float, float]],
+    notes: str,
+    columns: Mapping[str, FileColumn],
 ) -> list[Doubt]:
     """A doubt for each column whose largest magnitude does not fit its unit.
 
@@ -51,28 +55,31 @@ def out_of_range(
         expected: the range that the caller knows of some: a law's domain, the chain's length. Without it the usual
             range of benches decides, which is wide. Columns that have the same range share a unit.
         notes: name of the YAML file to write the unit into.
+        columns: those of the file, by Pliant's name; others are not judged.
     """
     alike: dict[tuple[float, float], float] = {}
     for name in largest.keys() & expected.keys():
         alike[expected[name]] = max(largest[name], alike.get(expected[name], 0.0))
-    sentences = {
-        name: _sentence(
-            name, value, expected.get(name), notes, alike.get(expected.get(name, (0.0, 0.0)), 0.0)
-        )
-        for name, value in largest.items()
-        if value > 0
-    }
-    return [Doubt(name, "unit", text) for name, text in sentences.items() if text]
+    doubts = []
+    for name, value in largest.items():
+        if value > 0 and (column := columns.get(name)) is not None:
+            span = expected.get(name)
+            text = _sentence(column, value, span, notes, alike.get(span or (0.0, 0.0), 0.0))
+            doubts += [Doubt(column.written, "unit", text)] if text else []
+    return doubts
 
 
 def _sentence(
-    name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float
+    column: FileColumn, largest: float, expected: tuple[float, float] | None, notes: str, alike: float
 ) -> str:
-    unit = unit_of(name)
+    unit, name = column.unit, column.name
     if unit == "degC":
-        text = f"{name} reaches {largest:.4g} °C; kelvin?"
-        return _advice(text, name, "K", notes) if largest > HOT_C else ""
+        text = f"{column.written} reaches {largest:.4g} °C; kelvin?"
+        return _advice(text, column, "K", notes) if largest > HOT_C else ""
     reference = max(map(abs, expected)) if expected is not None else 0.0
+    if _radians(column, largest, reference):
+        text = f"{column.written} reaches only {largest / column.scale:.4g} {column.in_unit}"
+        return _advice(text, column, "rad", notes)
     if reference > 0:
         beyond = BEYOND.get(unit, BEYOND_OTHERWISE)
         if reference / BEYOND_OTHERWISE <= largest <= reference * beyond:
@@ -82,7 +89,7 @@ def _sentence(
             return ""
         ratio = largest / reference
         size = f"{ratio:.0f} times" if ratio >= 1 else f"1/{1 / ratio:.0f} of"
-        text = f"{name} reaches {largest:.4g}, {size} what the model expects ({reference:.4g})"
+        text = f"{column.written} reaches {largest:.4g}, {size} what the model expects ({reference:.4g})"
     else:
         of_one_joint = re.match(r"joint|base", name)
         low, high = (0.0, math.pi * 1.5) if of_one_joint else USUAL.get(unit, (0.0, math.inf))
@@ -90,26 +97,38 @@ def _sentence(
             return ""
         reference = TYPICAL[unit]
         written = "" if unit == "dimensionless" else f" {unit}"
-        text = f"{name} reaches {'only ' if largest < low else ''}{largest:.4g}{written}, which is unlikely"
+        text = f"{column.written} reaches {'only ' if largest < low else ''}{largest:.4g}{written}, which is unlikely"
     largest = max(largest, alike)
 
-    def distance(factor: float) -> float:
-        return abs(math.log(largest * factor / reference))
+    def distance(other: str) -> float:
+        return abs(
+            math.log(largest) - math.log(reference) + math.log(conversion(other, unit, "")[0] / column.scale)
+        )
 
-    nearest = {distance(conversion(other, unit, "")[0]): other for other in reversed(WRITTEN.get(unit, ()))}
-    best = min(nearest, default=math.inf)
-    return _advice(text, name, nearest[best] if best < distance(1.0) else "", notes)
+    others = [
+        other for other in (*WRITTEN.get(unit, ()), unit) if conversion(other, unit, "")[0] != column.scale
+    ]
+    nearest = min(others, key=distance, default="")
+    as_written = abs(math.log(largest) - math.log(reference))
+    return _advice(text, column, nearest if nearest and distance(nearest) < as_written else "", notes)
 
 
-def time_doubts(step_s: float, whole: bool, notes: str) -> list[Doubt]:
+def _radians(column: FileColumn, largest: float, reference: float) -> bool:
+    """Whether an angle in degrees is so small that it can only be meant in radians."""
+    raw = largest / column.scale
+    if column.role != "output" or column.unit != "rad" or abs(column.scale - math.radians(1)) > 1e-12:
+        return False
+    if reference > 0:
+        return raw < FEW and abs(math.log(raw / reference)) < abs(math.log(largest / reference))
+    return LEAST < raw < FEW
+
+
+def time_doubts(step_s: float, whole: bool, notes: str, clock: FileColumn) -> list[Doubt]:
     """One doubt where the usual step of the clock is no time in seconds: whole numbers, far apart."""
     if step_s < LONGEST_STEP_S or not whole:
         return []
-    return [
-        Doubt(
-            "time_s", "unit", _advice(f"time_s steps by {step_s:g}, in whole numbers", "time_s", "ms", notes)
-        )
-    ]
+    text = f"{clock.written} steps by {step_s:g}, in whole numbers"
+    return [Doubt(clock.written, "unit", _advice(text, clock, "ms", notes))]
 
 
 def as_remark(doubt: Doubt) -> str:
@@ -117,11 +136,17 @@ def as_remark(doubt: Doubt) -> str:
     return f"{TO_CHECK}: {doubt.sentence}" if doubt.kind == "unit" else doubt.sentence
 
 
-def _advice(text: str, name: str, written: str, notes: str) -> str:
+def _advice(text: str, column: FileColumn, written: str, notes: str) -> str:
     if not written:
         return f"{text}. Nothing was changed."
-    by = "" if written == "K" else f", a factor of {conversion(written, unit_of(name), name)[0]:g}"
+    factor = conversion(written, column.unit, column.written)[0] / column.scale
+    by = "" if written == "K" else f", a factor of {factor:g}"
     return (
-        f"{text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
+        f"{text}. If the file is in {written}{by}, write 'units: {{{as_key(column.written)}: {written}}}' in {notes}. "
         "Nothing was changed."
     )
+
+
+def as_key(written: str) -> str:
+    """A column's name as a key of YAML."""
+    return written if re.fullmatch(r"\w[\w.]*", written) else f'"{written}"'

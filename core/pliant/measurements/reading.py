@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,14 +13,19 @@ from pliant.config.measurements import MOST_SAMPLES, ExcludedSpan, MeasurementNo
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
-from pliant.measurements.columns import MEASUREMENT, Header, outputs_among, read_header, unit_of
+from pliant.measurements.columns import MEASUREMENT, Header, match, outputs_among, read_header, unit_of
+from pliant.measurements.doubts import sensor_doubts
+from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
+from pliant.measurements.notes import digest_of, notes_of, notes_of_frame
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
-from pliant.tabular.schema import notes_beside
-from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet
+from pliant.tabular.cells import lines_text
+from pliant.tabular.opening import FRAME, is_frame, open_sheet
+from pliant.tabular.schema import FileColumn
+from pliant.tabular.sheet import Sheet
 from pliant.units import UnitError, parse_quantity
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
@@ -35,41 +39,50 @@ NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
 
 
 def read_measurement(
-    path: Path | str,
+    source: Path | str | Any,
     *,
-    settings: MeasurementsConfig | None = None,
+    settings: MeasurementNotes | None = None,
     actuation: Sequence[str] | None = None,
     expected: Mapping[str, tuple[float, float]] | None = None,
     progress: Progress | None = None,
+    runs_seen: set[str] | None = None,
 ) -> Measurement:
-    """Read a measurement CSV (docs/measurement_files.md) and the YAML notes of the same stem.
+    """Read a measurement (docs/measurement_files.md) and the YAML notes of the same stem.
 
     The file streams through in blocks; memory is bounded by `settings.max_samples`, whatever the file's length.
 
     Args:
-        path: the CSV.
-        settings: the study's `measurements` block; its entries come before those of the notes.
+        source: the file, or a pandas frame.
+        settings: the study's `measurements` block, or notes; its entries come before those of the notes beside it.
         actuation: names of the chain's inputs, which the file must have; all inputs of the file by default.
         expected: for some columns the range that the model knows (a law's domain, the chain's length), to
             notice a wrong unit.
         progress: receives rows read, for files above 20 MB.
+        runs_seen: takes the names of the runs; spans to exclude from others are then left to other files.
 
     Raises:
         UserError: the file cannot be read, a row or column is wrong (all such rows with their lines, 20 of them
             listed), or the chain's inputs or the wanted outputs are not there.
     """
-    path = Path(path)
-    notes, notes_name = notes_of(path, settings)
-    with open_sheet(path, MEASUREMENT.example) as sheet:
-        header = read_header(path, sheet.header, notes, notes_name, actuation)
-        gatherer = _gathered(
-            sheet, header, settings.max_samples if settings else MOST_SAMPLES, progress or Silent()
-        )
+    in_memory = is_frame(source)
+    path = Path(FRAME if in_memory else source)
+    notes, notes_name = notes_of_frame(settings) if in_memory else notes_of(path, settings)
+    with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
+        asked = notes.join is not None or notes.name_pattern is not None
+        own = set(match(sheet, notes, notes_name)) if asked else set()
+        other = elsewhere(path, notes, notes_name, actuation, own)
+        texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
+        header = read_header(sheet, notes, notes_name, actuation, [*texts, *other.columns])
+        most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
+        gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None)
+        _gather(sheet, header, other, gatherer, progress or Silent())
+        gatherer.finish()
     sheet.problems.raise_if_any()
+    gatherer.name_parts()
     if not any(rows.kept for rows in gatherer.runs):
         raise UserError(f"{path}: {gatherer.no_rows()}")
-    said = [*header.remarks, *gatherer.remarks(sheet.blank_rows)]
-    outputs = _chosen(path, header, settings.outputs if settings else ())
+    said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
+    outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
     stated = _stated(notes, notes_name, outputs)
     runs = [_run(rows, header, outputs, stated, path) for rows in gatherer.runs if rows.kept]
@@ -79,7 +92,12 @@ def read_measurement(
     runs = [  # cycles are counted where the file does not give all of a run's
         replace(run, cycle=cycles(run.history, ranges)) if np.isnan(run.cycle).any() else run for run in runs
     ]
-    runs = _without_excluded(runs, notes.exclude, notes_name, said)
+    spans_here = notes.exclude
+    if runs_seen is not None:
+        names = {run.name for run in runs}
+        runs_seen |= names
+        spans_here = tuple(span for span in notes.exclude if span.run in names)
+    runs = _without_excluded(runs, spans_here, notes_name, said)
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
     if not read:
         raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
@@ -93,57 +111,44 @@ def read_measurement(
         for run in runs
     ]
     said += _look(runs)
-    doubts = _doubts(runs, expected or {}, notes_name)
+    doubts = _doubts(runs, expected or {}, notes_name, {column.name: column for column in header.columns})
     said += map(as_remark, doubts)
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    doubts += [Doubt(text.partition(":")[0], "order", text) for text in gatherer.order_remarks()]
     return Measurement(
         tuple(runs),
         tuple(read),
         path.name,
         tuple(said),
         notes.markers_m,
-        digest,
+        "" if in_memory else digest_of(path),
         tuple(doubts),
-        {column.name: column.in_unit for column in header.columns if column.unit},
+        {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
     )
 
 
-def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
-    """The notes beside the file with the study's on top, and the name of the file to write notes into."""
-    beside, file = notes_beside(path, MeasurementNotes)
-    notes = beside or MeasurementNotes()
-    if settings is not None:
-        notes = MeasurementNotes(
-            **{
-                key: {**getattr(notes, key), **getattr(settings, key)}
-                for key in ("rename", "units", "sigma", "conditions")
-            },
-            markers_m=settings.markers_m or notes.markers_m,
-            exclude=(*notes.exclude, *settings.exclude),
-        )
-    if file is None:
-        return notes, path.with_suffix(".yaml").name
-    # a study of the same stem takes the name: then the notes belong into its `measurements` block
-    return notes, file.name if beside is not None else f"the 'measurements' block of {file.name}"
-
-
-def _gathered(sheet: Sheet, header: Header, most: int, progress: Progress) -> Gatherer:
-    gatherer = Gatherer(header.columns, sheet.problems, most)
-    large = sheet.path.stat().st_size > LARGE_FILE
-    task = progress.begin(f"read {sheet.path.name}, rows", count_lines(sheet.path)) if large else Silent()
+def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:
+    large = sheet.path.is_file() and sheet.path.stat().st_size > LARGE_FILE
+    task = progress.begin(f"read {sheet.path.name}, rows", sheet.lines()) if large else Silent()
     run, specimen = (header.texts.get(name) for name in ("run", "specimen"))
+    named = other.texts.get("run", sheet.path.stem)
+    clock = next((column for column in header.columns if column.role == "time"), None)
     try:
         for block in sheet.blocks():
-            numbers = [block.numbers(header.places[c.written], c.written) for c in header.columns]
-            runs = (sheet.path.stem,) * len(block.lines) if run is None else block.columns[run]
-            specimens = None if specimen is None else block.columns[specimen]
+            count = len(block.lines)
+            numbers = [c.written_values(block, header.places[c.written]) for c in header.columns]
+            runs = (named,) * count if run is None else block.texts(run)
+            specimens = None if specimen is None else block.texts(specimen)
+            if "specimen" in other.texts:
+                specimens = (other.texts["specimen"],) * count
+            times = None
+            if clock is not None:
+                times = clock.scale * numbers[header.columns.index(clock)] + clock.shift
+            numbers += other.values(times, runs)
             gatherer.add(np.column_stack(numbers), block.lines, runs, specimens)
-            task.advance(len(block.lines))
+            task.advance(count)
     finally:
         task.finish()
-    return gatherer
 
 
 def _chosen(path: Path, header: Header, wanted: Sequence[str]) -> list[str]:
@@ -184,7 +189,7 @@ def _run(
     lines = table[:, -1].astype(int)
     columns = {
         c.name: c.scale * values + c.shift if c.scale != 1 or c.shift else values
-        for c, values in zip(header.columns, table.T[:-1], strict=True)
+        for c, values in zip(header.every, table.T[:-1], strict=True)
     }
     silent = [name for name in header.names("condition") if np.isnan(columns[name]).all()]
     good = np.ones(len(lines), bool)
@@ -276,15 +281,20 @@ def _look(runs: Sequence[MeasuredRun]) -> list[str]:
 
 
 def _doubts(
-    runs: Sequence[MeasuredRun], expected: Mapping[str, tuple[float, float]], notes_name: str
+    runs: Sequence[MeasuredRun],
+    expected: Mapping[str, tuple[float, float]],
+    notes_name: str,
+    columns: Mapping[str, FileColumn],
 ) -> list[Doubt]:
     """Columns whose values do not fit what they are said to be."""
     histories = [run.history for run in runs]
     doubts: list[Doubt] = []
-    if timed := [h.time_s for h in histories if h.time_s is not None and len(h) > 1]:
+    clock = columns.get("time_s")
+    timed = [h.time_s for h in histories if h.time_s is not None and len(h) > 1]
+    if timed and clock is not None and clock.in_unit == "s":
         whole = all(bool((t == np.round(t)).all()) for t in timed)
         step = float(np.median(np.concatenate([np.diff(t) for t in timed])))
-        doubts += time_doubts(step, whole, notes_name)
+        doubts += time_doubts(step, whole, notes_name, clock)
     largest: dict[str, float] = {}  # magnitude of each column
     for run in runs:
         for name, values in {**run.history.signals(), **run.outputs}.items():
@@ -294,7 +304,8 @@ def _doubts(
     for i, name in enumerate(inputs):
         if any(unit_of(name) == unit_of(other) for other in inputs[:i]):
             del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
-    return doubts + out_of_range(largest, expected, notes_name)
+    doubts += out_of_range(largest, expected, notes_name, columns)
+    return doubts + sensor_doubts(runs, columns, notes_name)
 
 
 def cycles(history: History, ranges: Mapping[str, float]) -> Array:

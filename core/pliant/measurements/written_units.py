@@ -8,9 +8,9 @@ from pathlib import Path
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.formatting import DISPLAY, Unit
-from pliant.measurements.columns import MEASUREMENT, unit_of
+from pliant.measurements.columns import MEASUREMENT, unit_of, with_zero
 from pliant.records.measurement import Measurement
-from pliant.tabular.units import conversion, unit_at_the_end, unit_in
+from pliant.tabular.units import conversion, fits, unit_at_the_end, unit_in
 from pliant.units import split_unit
 
 SYMBOLS = {
@@ -33,6 +33,8 @@ def units_as_written(measurement: Measurement) -> Mapping[str, Unit]:
     found: dict[str, Unit] = {}
     for name, text in measurement.written.items():
         if name.startswith("sigma_") or not (si := unit_of(name)) or not _said(measurement, name, text, si):
+            continue
+        if not fits(text, si):  # a clock of dates, or of frames
             continue
         scale, shift = conversion(text, si, f"column '{name}'")
         if shift or not scale > 0:
@@ -80,5 +82,6 @@ def column_as_written(
         except UserError:
             continue
         if column is not None:
+            column = with_zero(column, notes, "the study")
             return heading, column.scale, column.shift
     return name, 1.0, 0.0

@@ -247,7 +247,8 @@ def run_task(
     if task.config.outside_domain == "error":
         refuse_extrapolation(result.final.outside_domain)
     # Output maps may depend on the sum of the last inputs; a task may leave no history.
-    acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[-1]))}
+    last = -1 if result.last_held is None else result.last_held
+    acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[last]))}
     reported = model.reported({**result.metrics, **acting})
     return replace(result, metrics={name: reported[name] for name in reported if name != "actuation"})
 

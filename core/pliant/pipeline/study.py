@@ -15,9 +15,11 @@ from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
+from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.interfaces.task import TaskConfig
 from pliant.pipeline.chain import (
     Module,
     RigidPiece,
@@ -104,6 +106,7 @@ class StudyRun:
     wall_s: float = 0.0
     unused: tuple[str, ...] = ()
     uncertainty: Artifact | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -247,7 +250,27 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     if study.uncertainty is not None:
         spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
     wall_s = time.perf_counter() - started
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()), spread)
+    unused, remarks = tuple(study.unused()), load_remarks(source.chain, task)
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks)
+
+
+# A payload heavier than the chain by more is likely one in grams.
+HEAVY = 100.0
+
+
+def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
+    """What is odd about the payload, the task's or else the chain's: it weighs nothing, or far too much."""
+    own = getattr(task, "payload_kg", None)
+    payload_kg = chain.payload_kg if own is None else float(own)
+    mass_kg = sum(body.mass_kg for body in chain.bodies)
+    words = display_unit("kg")
+    found = []
+    if payload_kg > 0.0 and not np.any(chain.gravity_m_s2):
+        found.append("The payload weighs nothing: chain.gravity is [0, 0, 0].")
+    if payload_kg > HEAVY * mass_kg > 0.0:
+        grams = words.text(payload_kg / 1000.0)
+        found.append(f"A payload of {payload_kg:g} kg on a chain of {words.text(mass_kg, 2)}: is it {grams}?")
+    return tuple(found)
 
 
 def chain_segments(

@@ -128,7 +128,8 @@ class TaskResult:
     A task in a scene leaves `frames` and a few `stills` of its first trial; its `final` is the first arm at the
     end, whose residual is not a number because contact forces are not in it.
 
-    `not_reached` is a sentence where the task was not carried out in full: what failed, and what held last.
+    `not_reached` is a sentence where the task was not carried out in full: what failed, and what held last, of which
+    `last_held` is the place in the history, where one is known.
     """
 
     final: Equilibrium
@@ -137,6 +138,12 @@ class TaskResult:
     frames: SceneFrames | None = None
     stills: tuple[SceneStill, ...] = ()
     not_reached: str = ""
+    last_held: int | None = None
+
+    @property
+    def reached(self) -> bool:
+        """Whether `final` is a state that the chain holds under what the task asked for."""
+        return self.final.converged and not self.not_reached
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,13 @@ class Component:
         return model
 
     def implementation_class(self) -> Any:
-        """Import the implementation without building it, for what its class declares."""
+        """Import the implementation without building it, for what its class declares.
+
+        Raises `MissingDependencyError` with the install command where a package that it requires is missing.
+        """
+        if missing := self.missing():
+            how = self.install or f"pip install {missing}"
+            raise MissingDependencyError(f"{self.label} needs {missing}: {how}.")
         return self._load(self.implementation)
 
     def missing(self, lazy: bool = False) -> str | None:
@@ -115,12 +121,8 @@ class Component:
         return next((module for module in modules if not _is_installed(module)), None)
 
     def build(self, config: ComponentConfig) -> Any:
-        """Import the implementation and build it; raises `MissingDependencyError` with the install command."""
-        missing = self.missing()
-        if missing is not None:
-            how = self.install or f"pip install {missing}"
-            raise MissingDependencyError(f"{self.label} needs {missing}: {how}.")
-        return self._load(self.implementation)(config)
+        """Import the implementation and build it; raises as `implementation_class` does."""
+        return self.implementation_class()(config)
 
     def _load(self, reference: str) -> Any:
         module, _, name = reference.partition(":")

@@ -15,6 +15,7 @@ from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.report.answers import comparison_answers
 from pliant.report.document import (
     Column,
     Document,
@@ -143,6 +144,7 @@ def comparison_document(
         sentence=interpret(comparison),
         data=comparison_json(comparison),
         brief=tuple(brief),
+        answers=comparison_answers(comparison),
         warnings=tuple(map(caveat, comparison.remarks)),
         draw=lambda: _drawn(Compared(measurement, predicted, comparison)),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
@@ -255,7 +257,7 @@ def _drawn(compared: Compared) -> Drawn:
     title = "Map of conditions"
     return drawn(
         runs(shown[0], "runs"),
-        section("Where the error is", *where, _places_table(comparison)) if where else None,
+        section("Where the error is", *where, _places_table(comparison), open=True) if where else None,
         section("Loops", *loops),
         section(title, picture("map", caption, figures.condition_map(compared))),
         section(

@@ -14,6 +14,7 @@ from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
+from pliant.report.answers import diagnosis_answers
 from pliant.report.diagnosis_tables import (
     classes_table,
     dependence_table,
@@ -60,6 +61,9 @@ DEMANDS = {
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
     "insufficient_data": "Measure what stands below, add it to the file and ask again.",
 }
+LITTLE_LEFT = (
+    "Leave the model as it is unless so small an error matters to you; no effect can take more of it away."
+)
 # Verdicts whose demand is the next run; without one, more of everything.
 UNDECIDED = ("ambiguous", "insufficient_data")
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
@@ -85,8 +89,7 @@ def diagnosis_document(
         next_file: the protocol file of the proposed run.
     """
     reasons = why(found, registry)
-    decided = found.next_run is not None or found.verdict not in UNDECIDED
-    points = [*reasons, DEMANDS[found.verdict] if decided else RECORD]
+    points = [*reasons, _demand(found)]
     sentence = numbers_text(found) or points[0]
     proposed = next_words(found)
     return Document(
@@ -95,6 +98,7 @@ def diagnosis_document(
         sentence=sentence,
         data=diagnosis_json(found, next_file),
         brief=_brief(found),
+        answers=diagnosis_answers(found, _demand(found)),
         points=tuple(point for point in points if point != sentence),
         warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
         closing=(
@@ -106,6 +110,17 @@ def diagnosis_document(
         draw=lambda: _drawn(Diagnosed(measurement, found), registry),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
+
+
+def _demand(found: Diagnosis) -> str:
+    """What to do, by the verdict and by what is left to gain."""
+    small, verdict = found.judgement.small, found.verdict
+    if verdict == "unknown_effect" and small:
+        return LITTLE_LEFT
+    if verdict == "nothing_missing" and not small:
+        return RECORD
+    decided = found.next_run is not None or verdict not in UNDECIDED
+    return DEMANDS[verdict] if decided else RECORD
 
 
 def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
@@ -209,7 +224,13 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         else None,
         _limits(found, registry),
         section("Numbers", hypotheses_table(found, diagnosed.hypotheses())),
-        section("Noise", repeats, noise_table(found), text=_noise_text(found, repeats is not None)),
+        section(
+            "Noise",
+            repeats,
+            noise_table(found),
+            text=_noise_text(found, repeats is not None),
+            open=found.verdict == "not_repeatable",
+        ),
     ]
     if found.verdict == "not_repeatable":  # the repeats are the finding
         made.insert(0, made.pop())
@@ -231,7 +252,7 @@ def _next(found: Diagnosis) -> Section | None:
     if step.separates:
         text.append(f"One such run would tell {_separated(step.separates)}.")
     title = "What to measure next" if found.verdict != "missing_effect" else "To be surer still"
-    return Section(title, text=tuple(text))
+    return Section(title, text=tuple(text), open=True)
 
 
 def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
@@ -267,7 +288,7 @@ def _changes(diagnosed: Diagnosed, draw: Callable[[Diagnosed, str], NDArray[np.u
         "missing_effect": f"What {names} changes",
         "unknown_effect": f"The most probable in the list, {names}, does not do it",
     }.get(found.verdict, f"What {names} would change")
-    return Section(title if names else "The model in its worst runs", tuple(pictures))
+    return Section(title if names else "The model in its worst runs", tuple(pictures), open=True)
 
 
 def _limits(found: Diagnosis, registry: Registry) -> Section:

@@ -168,13 +168,18 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of a page: paragraphs, pictures, tables, then a line of small print."""
+    """A part of a page: paragraphs, lines of a file as they stand, pictures, tables, then a line of small print.
+
+    Folded on the page unless `open`.
+    """
 
     title: str
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
     note: str = ""
     text: tuple[str, ...] = ()
+    open: bool = False
+    code: str = ""
 
 
 def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture | None:
@@ -183,13 +188,25 @@ def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture |
 
 
 def section(
-    title: str, *parts: Picture | Table | None, text: str | Sequence[str] = (), note: str = ""
+    title: str,
+    *parts: Picture | Table | None,
+    text: str | Sequence[str] = (),
+    note: str = "",
+    open: bool = False,
 ) -> Section | None:
-    """A section of the pictures and tables that are there; None without any. `text`: one paragraph or several."""
+    """A section of the pictures and tables that are there; None without any.
+
+    Args:
+        title: its heading, which stands where it is folded.
+        parts: what it shows.
+        text: one paragraph or several.
+        note: small print.
+        open: it is the main evidence, and is not folded.
+    """
     pictures = tuple(part for part in parts if isinstance(part, Picture))
     tables = tuple(part for part in parts if isinstance(part, Table))
     paragraphs = tuple(filter(None, [text] if isinstance(text, str) else text))
-    return Section(title, pictures, tables, note, paragraphs) if pictures or tables else None
+    return Section(title, pictures, tables, note, paragraphs, open) if pictures or tables else None
 
 
 class Rank(IntEnum):
@@ -234,7 +251,9 @@ class Document:
         sentence: the result as one sentence.
         data: the JSON object: plain SI values by the keys of docs/formats.md.
         brief: tables and lines that the terminal prints first.
-        points: sentences beneath the result.
+        answers: label and text of up to four lines that stand before the first picture: how good, what is missing,
+            how sure, what next.
+        points: sentences beneath the result, folded on a page that has answers.
         warnings: what limits the result; renderers show them by rank.
         closing: what the terminal prints last; the sentence where there is nothing else.
         draw: makes hero and sections; called where a page is written only.
@@ -250,6 +269,7 @@ class Document:
     sentence: str
     data: Mapping[str, Any] = field(default_factory=dict)
     brief: tuple[Table | str, ...] = ()
+    answers: tuple[tuple[str, str], ...] = ()
     points: tuple[str, ...] = ()
     warnings: tuple[Warned, ...] = ()
     closing: tuple[str, ...] = ()
@@ -276,6 +296,14 @@ class Page:
 
     html: str
     pictures: Mapping[str, NDArray[np.uint8]]
+
+
+def answers(
+    good: str = "", missing: str = "", sure: str = "", after: str = ""
+) -> tuple[tuple[str, str], ...]:
+    """The lines before a page's first picture that have a text: how good, what is missing, how sure, what next."""
+    lines = (("How good", good), ("What is missing", missing), ("How sure", sure), ("What next", after))
+    return tuple((label, capital(text)) for label, text in lines if text)
 
 
 def numbered(name: str, number: int) -> str:

@@ -11,7 +11,7 @@ from pliant.config.study import Study
 from pliant.formatting import percent, units_of_page
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
-from pliant.report.document import Document, Drawn, capital
+from pliant.report.document import Document, Drawn, answers, capital
 from pliant.report.fem_view import DesignStates, axis_record, data_warnings, free_reach, solved_rows
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
@@ -42,13 +42,19 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
 
         return fem_drawn(written, designs, manifests)
 
+    limits = tuple(w for d in designs for w in data_warnings(d.data, f"{d.name}: " if several else ""))
     return Document(
         kind="Pliant FEM data",
         title=study.name,
         sentence=" ".join(_sentence(d, several) for d in designs[:SENTENCES]),
         data=fem_json(artifacts, tables),
+        answers=answers(
+            good=capital(stated_error(axis_record(designs[0].data, designs[0].data.main_axis))),
+            missing=limits[0].sentence if limits else "",
+            after="Fit the joint law and see its errors on states left out: pliant fit.",
+        ),
         brief=(*fem_lines(artifacts), f"table    {', '.join(tables)}"),
-        warnings=tuple(w for d in designs for w in data_warnings(d.data, f"{d.name}: " if several else "")),
+        warnings=limits,
         draw=draw,
         footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,

@@ -64,7 +64,7 @@ def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
         if has_stress(data):
             caption = stress_caption(data)
             pictures.append(Picture(numbered("module_stress", n), caption, module_stress(data)))
-    return section("One module, undeformed and deformed", *pictures)
+    return section("One module, undeformed and deformed", *pictures, open=True)
 
 
 def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Section]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed, plural
 from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.report.document import Warned
 
@@ -99,7 +99,7 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
             f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
             for entry in data.failed[:LISTED]
         )
-        warned.append(Warned(f"{prefix}{count} states failed{rest_of_list(count)}.", items))
+        warned.append(Warned(f"{prefix}{plural(count, 'state')} failed{rest_of_list(count)}.", items))
     return warned
 
 

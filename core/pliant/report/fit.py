@@ -28,7 +28,7 @@ from pliant.pipeline.surrogate import LawStage, study_law_beside
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
-from pliant.report.document import Document, Drawn, Table, Warned, as_json, brief_table, capital
+from pliant.report.document import Document, Drawn, Table, Warned, answers, as_json, brief_table, capital
 from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
 from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
@@ -73,13 +73,15 @@ def fit_document(
 
         return fit_drawn(fitted[:SHOWN], compared, study, manifests, several)
 
+    limits = tuple(w for one in fitted for w in fit_warnings(one, several))
     return Document(
         kind="Pliant fit",
         title=title,
         sentence=" ".join(fit_sentence(one, several) for one in fitted[:SHOWN]),
         data=data,
         brief=tuple(brief),
-        warnings=tuple(w for one in fitted for w in fit_warnings(one, several)),
+        answers=_answers(fitted[0], limits),
+        warnings=limits,
         draw=draw,
         footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
@@ -250,6 +252,20 @@ def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
         parts.append(f"the law's 90 % band holds {round(every.n * every.at(LEVEL))} of {every.n}")
     text = "; ".join(parts) + "."
     return f"{fitted.name}: {text}" if named else capital(text)
+
+
+def _answers(fitted: ReportedLaw, limits: Sequence[Warned]) -> tuple[tuple[str, str], ...]:
+    """Error, the gravest limit, what the error bar holds."""
+    report, sure = fitted.report, "The law states no error bar."
+    if fitted.coverage:
+        every = fitted.coverage[0]
+        sure = f"The law's 90 % band holds {round(every.n * every.at(LEVEL))} of {every.n} states left out."
+    return answers(
+        f"Within {percent(report.worst_of_range)} of {fitted.source} on {report.n_heldout} states left out.",
+        limits[0].sentence if limits else "",
+        sure,
+        "Put modules into a chain: pliant simulate.",
+    )
 
 
 def fit_warnings(fitted: ReportedLaw, named: bool = False) -> list[Warned]:

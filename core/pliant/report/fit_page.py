@@ -105,7 +105,7 @@ def of_one(fitted: ReportedLaw, count: int = 0) -> tuple[Section | None, ...]:
     places = Picture(numbered("fit_map", count), caption, residual_map(fitted))
     return (
         errors,
-        section("Where the law misses", places),
+        section("Where the law misses", places, open=True),
         bar_section(fitted, count),
         _learning(fitted, count),
         _slopes(fitted, count),

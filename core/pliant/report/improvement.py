@@ -12,6 +12,7 @@ from pliant.formatting import listed, number, unit_of
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
+from pliant.report.answers import improvement_answers
 from pliant.report.document import (
     Column,
     Document,
@@ -43,7 +44,7 @@ NamedFloor = tuple[str, Floor]
 STEP_COLUMNS: tuple[Column[Placed], ...] = (
     Column("1.added", head="step", brief="step", text=lambda placed: _title(placed)),
     Column("1.stands_for"),
-    Column("1.why", head="why"),
+    Column("1.why"),
     Column(lambda placed: errors_json(placed[1].locked), "heldout"),
     Column("1.locked.over_floor", "rmse_over_floor"),
     Column("1.locked_se", "rmse_over_floor_se"),
@@ -70,6 +71,7 @@ def improvement_document(
         sentence=f"{summary(found)} {found.reason}",
         data=improvement_json(found, measurement),
         brief=_brief(found),
+        answers=improvement_answers(found),
         warnings=(*map(Warned, doubts), *warned(registry, found.remarks, asked)),
         draw=lambda: _drawn(found),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
@@ -129,12 +131,17 @@ def _ratio(step: Step) -> str:
 
 
 def _brief(found: Improvement) -> tuple[Table | str, ...]:
-    whys = []
-    for place, step in enumerate(found.steps, start=1):
-        added = f"+ {step.named}: " if step.added else ""
-        whys.append(f"{place}  {added}{step.why}")
     fitted = () if found.final is None else (parameters_brief(found.final.uncertainty),)
-    return (*whys, steps_brief(found), *fitted)
+    return (*_whys(found), steps_brief(found), *fitted)
+
+
+def _whys(found: Improvement) -> list[str]:
+    """The reason for each step."""
+    named = (f"+ {step.named}: " if step.added else "" for step in found.steps)
+    return [
+        f"{place}  {added}{step.why}"
+        for place, (added, step) in enumerate(zip(named, found.steps, strict=True), 1)
+    ]
 
 
 def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
@@ -179,7 +186,7 @@ def _drawn(found: Improvement) -> Drawn:
         "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
         f"scatter leaves to no model.{most if len(found.floors) > MOST_OUTPUTS else ''}"
     )
-    hero = Picture("steps", caption, error_steps(found, [step.why for step in found.steps]))
+    hero = Picture("steps", caption, error_steps(found))
     title = "Step by step"
     steps = page_table(title, step_columns(found), list(enumerate(found.steps, start=1)), numeric=2)
     note = "Fitted to the training runs only. Intervals: profile of the error."
@@ -189,7 +196,7 @@ def _drawn(found: Improvement) -> Drawn:
     floors = page_table("Noise floor", FLOOR_COLUMNS, list(found.floors.items()), note)
     return drawn(
         hero,
-        section(title, steps, note=f"Why it stopped: {found.reason}"),
+        section(title, steps, text=(*_whys(found), f"Why it stopped: {found.reason}"), open=True),
         section("What was added", added),
         section("Noise floor", floors),
     )

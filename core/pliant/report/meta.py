@@ -11,7 +11,7 @@ from pliant.formatting import percent, seconds, units_of_page
 from pliant.pipeline.meta_model.designs import shown, spoken
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
-from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
+from pliant.report.document import Document, Drawn, Table, Warned, answers, brief, brief_table, capital
 from pliant.report.meta_view import SCORES, MetaFitted, coverage_table, next_table, score_rows
 from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
@@ -38,13 +38,20 @@ def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, 
     data = meta_json(own.stage)
     if own.proposals:
         data["next"] = [{"parameters": one.parameters, one.basis: one.gain} for one in own.proposals]
+    limits = tuple(meta_warnings(own))
     return Document(
         kind="Pliant fit: meta-model",
         title=title,
         sentence=meta_sentence(own),
         data=data,
         brief=_blocks(fitted),
-        warnings=tuple(meta_warnings(own)),
+        answers=answers(
+            f"Torques of designs left out within {percent(own.stage.scores['all'].worst_of_range)} of their range.",
+            limits[0].sentence if limits else "",
+            meta_sure(own),
+            "Solve the proposed designs, then ask for the law of a new one: pliant fit, pliant simulate.",
+        ),
+        warnings=limits,
         draw=draw,
         footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
         page=PAGE,
@@ -139,6 +146,14 @@ def meta_sentence(fitted: MetaFitted) -> str:
     if (band := fitted.stage.coverage.get("all", {}).get("0.9")) is not None:
         parts.append(f"the 90 % band holds {percent(band, 3)}")
     return capital("; ".join(parts)) + "."
+
+
+def meta_sure(fitted: MetaFitted) -> str:
+    """What the band of designs left out holds; empty without one."""
+    band = fitted.stage.coverage.get("all", {}).get("0.9")
+    return (
+        "" if band is None else f"The 90 % band holds {percent(band, 3)} of the states of designs left out."
+    )
 
 
 def meta_warnings(fitted: MetaFitted) -> list[Warned]:

@@ -49,7 +49,7 @@ def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests
     where = Picture("meta_designs", space, design_errors(one))
     return drawn(
         Picture("meta_parity", hero, parity_picture(one)),
-        section(title, scores, worst_table(one), settings_table(one)),
+        section(title, scores, worst_table(one), settings_table(one), open=True),
         section("Free angle", picture("meta_free", free, free_picture(one))),
         section("Where in the space of designs it misses", where, next_table(one)),
         section(

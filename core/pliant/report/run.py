@@ -24,8 +24,9 @@ from pliant.formatting import (
 )
 from pliant.pipeline.study import EngineRun, StudyRun, law_components
 from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
-from pliant.report.document import Document, Drawn, Warned, capital
+from pliant.report.document import Document, Drawn, Warned, answers, capital
 from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
@@ -54,6 +55,7 @@ def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
         title=str(run.study.get("name", "Pliant run")),
         sentence=result_sentence(run),
         data=run.summary,
+        answers=_answers(run),
         brief=tuple(lines),
         warnings=tuple(warnings(run)),
         draw=draw,
@@ -65,8 +67,13 @@ def simulation_document(done: StudyRun) -> Document:
     """The document of `pliant simulate`: its first engine, with what the task measures."""
     engine = done.engines[0]
     data = simulation_json(engine)
-    data |= _uncertainty_json(done)
-    metrics = metric_lines(engine.result.metrics) if engine.result is not None else []
+    data |= {**_uncertainty_json(done), "remarks": list(done.remarks)}
+    metrics: list[str] = []
+    if engine.result is not None:
+        nowhere = _no_state(engine.result)
+        lost = nowhere and engine.result.last_held is None
+        metrics = [NO_METRICS] if lost else metric_lines(engine.result.metrics)
+        metrics = [OF_LAST_HELD, *metrics] if nowhere and not lost else metrics
     return run_document(finished(done, data), [*engine_lines(done), *metrics])
 
 
@@ -97,7 +104,7 @@ def run_json(done: StudyRun, folder: Path) -> dict[str, Any]:
         apart = [float(np.linalg.norm(m - markers[0], axis=1).max()) for m in markers[1:]]
         result["largest_marker_distance_m"] = max(apart, default=None)
     result |= _uncertainty_json(done)
-    result["unused"] = list(done.unused)
+    result |= {"unused": list(done.unused), "remarks": list(done.remarks)}
     return result
 
 
@@ -125,6 +132,7 @@ def simulation_json(engine: EngineRun) -> dict[str, Any]:
         "wall_s": final.wall_s,
         "outside_domain": [vars(entry) for entry in final.outside_domain],
         "not_reached": result.not_reached,
+        "last_held": _last_held_json(result),
         "metrics": result.metrics,
         "stages": [stage_json(engine.artifact)],
     }
@@ -164,13 +172,47 @@ def _engine_line(engine: EngineRun, effort: Unit) -> str:
             grasped = ("z_end", "success_share")
             numbers = [f"{result.metrics['mode']}", *(n for n in numbers if n.startswith(grasped))]
         return f"{engine.kind:<12} {', '.join((*numbers[:3], duration(engine.artifact)))}"
+    residual = effort.text(result.final.residual, 2)
+    how = f"residual {residual}, {duration(engine.artifact, result.final.wall_s)}"
+    if not _no_state(result):
+        return f"{engine.kind:<12} tip {_tip(result.final.tip_m)}, {_state(result)}, {how}"
+    if result.last_held is None or result.rollout is None:
+        return f"{engine.kind:<12} {_state(result)}, {how}; no state held before"
+    tip = _tip(result.rollout.markers_m[result.last_held, -1])
+    return f"{engine.kind:<12} {_state(result)}, {how}; tip of the last state that held {tip}"
+
+
+OF_LAST_HELD = "  of the last state that held:"
+NO_METRICS = "  no metrics: the last step left no state of the chain (its numbers are in the JSON result)"
+
+
+def _no_state(result: TaskResult) -> bool:
+    """Whether the last state is none that the chain holds, so that its numbers say nothing."""
+    left = not result.reached and result.last_held is not None
+    return not result.stills and (left or not result.final.converged)
+
+
+def _state(result: TaskResult) -> str:
+    if not result.final.converged:
+        return "NOT CONVERGED"
+    return "NOT REACHED" if _no_state(result) else "settled"
+
+
+def _tip(tip_m: Array) -> str:
     length = display_unit("m")
-    tip = ", ".join(f"{length.factor * x:.3f}" for x in result.final.tip_m)
-    state = "settled" if result.final.converged else "NOT CONVERGED"
-    return (
-        f"{engine.kind:<12} tip ({tip}) {length.symbol}, {state}, residual {effort.text(result.final.residual, 2)}, "
-        f"{duration(engine.artifact, result.final.wall_s)}"
-    )
+    return f"({', '.join(f'{length.factor * x:.3f}' for x in tip_m)}) {length.symbol}"
+
+
+def _last_held_json(result: TaskResult) -> dict[str, Any] | None:
+    """The last state that held where the task's did not."""
+    if result.last_held is None or result.rollout is None:
+        return None
+    history, at = result.rollout, result.last_held
+    return {
+        "actuation": history.actuation[at],
+        "tip_m": history.markers_m[at, -1],
+        "joint_angles_rad": history.joint_angles[at],
+    }
 
 
 def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
@@ -203,6 +245,19 @@ def result_sentence(run: FinishedRun) -> str:
     return capital(unbroken("; ".join([*parts, _law_error(run)]))) + "."
 
 
+def _answers(run: FinishedRun) -> tuple[tuple[str, str], ...]:
+    """How good the law is and how well engines agree, what limits the result, how sure the tip is."""
+    limits = warnings(run)
+    more = f" And {len(limits) - 1} more, below." if len(limits) > 1 else ""
+    spread, first = run.uncertainty, run.engines[0].kind if run.engines else ""
+    return answers(
+        capital(_law_error(run)) + ".",
+        limits[0].sentence + more if limits else "",
+        spread_sentence(spread, first) if spread is not None else "",
+        "Measure one and hold the model against it: pliant compare.",
+    )
+
+
 def warnings(run: FinishedRun) -> list[Warned]:
     """Everything that limits the result, the gravest first."""
     found: list[Warned] = []
@@ -212,6 +267,7 @@ def warnings(run: FinishedRun) -> list[Warned]:
         found += _law_warnings(design, len(run.designs) > 1)
     for kind, cause in run.skipped:
         found.append(Warned(f"Engine {kind} was skipped: {cause or 'no cause was given'}"))
+    found += [Warned(text) for text in run.summary.get("remarks") or ()]
     unused = run.summary.get("unused") or []
     if unused:
         found.append(Warned(f"The study sets {', '.join(unused)}, which no stage of this version reads."))
@@ -234,15 +290,23 @@ def _bend(run: FinishedRun) -> str:
     load = payload_kg(run)
     under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
     name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
-    if not result.final.converged:
-        return f"{name} did not settle{at}{under} in {engines[0].kind}"
     slides, unit = law.joint == "prismatic", deformation_unit(law)
-    total = float(joints[:, main_axis(law)].sum())
-    size = unit.attached(fixed(unit.factor * total, 2 if slides else 1))
+    verb = "extends by" if slides else "bends"
+
+    def size(angles: Array) -> str:
+        return unit.attached(fixed(unit.factor * float(angles[:, main_axis(law)].sum()), 2 if slides else 1))
+
+    if _no_state(result):
+        failed = "did not settle" if not result.final.converged else "is held by nothing"
+        before = ""
+        if result.last_held is not None and result.rollout is not None:
+            held = size(result.rollout.joint_angles[result.last_held])
+            before = f"; in the last state that held it {verb} {held}"
+        return f"{name} {failed}{at}{under} in {engines[0].kind}{before}"
     target = ""
     if "target_points_m" in result.metrics:
         target = f", {display_unit('m').text(float(result.metrics['rmse_m']), 3)} (RMS) from its target"
-    return f"{name} {'extends by' if slides else 'bends'} {size}{at}{under}{target}"
+    return f"{name} {verb} {size(joints)}{at}{under}{target}"
 
 
 def grasp_words(engine: EngineResult, at: str) -> str:
@@ -277,7 +341,7 @@ def _engine_warnings(engine: EngineResult, run: FinishedRun) -> list[Warned]:
     if not final.converged:
         residual = effort_unit(law).text(final.residual, 2)
         found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
-    if final.stable is False:
+    if final.converged and final.stable is False:
         text = f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there."
         found.append(Warned(text))
     if engine.result.not_reached:

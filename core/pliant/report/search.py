@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.formatting import percent, plural, quantity, unbroken, units_of_page
+from pliant.formatting import listed, percent, plural, quantity, unbroken, units_of_page
 from pliant.records.search import FoundDesign, SearchResult, Slope
 from pliant.report import render
-from pliant.report.document import Document, Drawn, Warned, capital
+from pliant.report.document import Document, Drawn, Warned, answers, capital
 from pliant.report.fem_view import LISTED
 from pliant.report.search_files import DrawnDesign, read_search, search_json, write_search
 from pliant.report.search_view import SearchView, price
@@ -91,10 +91,34 @@ def search_document(
         sentence=answer(view),
         data=search_json(result, engine),
         brief=tuple(lines(result, engine)) if result.best else (),
+        answers=_answers(view, limits),
         points=(*limits, *([price(view)] if result.robustness is not None else [])),
         warnings=tuple(warned(view)),
         draw=draw,
         footer=units_of_page(lengths="m", pressures="Pa", angles="rad"),
+    )
+
+
+def _answers(read: SearchView, limits: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """What limits the answer, and whether it was checked."""
+    found = read.result.verification
+    if not read.result.best:
+        return answers(
+            after="Widen the ranges or ease the constraints that refuse most candidates; see below."
+        )
+    sure = "Nothing was verified: the numbers rest on the laws that the search used."
+    if found is not None:
+        how = "Verified by direct FEM" if found.laws else "Checked again"
+        sure = f"{how} in {listed(list(found.verified))}."
+    best, objective = read.result.best[0], read.objective
+    value = objective.unit.text(best.objectives[objective.name])
+    return answers(
+        f"{objective.unit.label} {value}, the best of {plural(read.result.evaluations, 'evaluated design')}"
+        if read.shape == "one"
+        else "",
+        missing=" ".join(limits[:2]),
+        sure=sure,
+        after="Make the best design and measure it; pliant compare says how far the model holds.",
     )
 
 

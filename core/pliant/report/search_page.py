@@ -49,7 +49,7 @@ def search_drawn(read: SearchView, designs: Sequence[DrawnDesign]) -> Drawn:
     took = "Wall times are those of the machine that searched; the counts are the same on every machine."
     return drawn(
         picture("search_answer", caption, search_answer(read)) or _history_picture(read),
-        section("The answer", design_table(read), text=_how_found(read)),
+        section("The answer", design_table(read), text=_how_found(read), open=True),
         _history(read),
         _pictured(read, search_parallel, PARALLEL),
         _designs(designs),

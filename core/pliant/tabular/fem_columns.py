@@ -16,8 +16,9 @@ from pydantic import Field
 from pliant.config.measurements import ColumnNotes, Name
 from pliant.errors import UserError
 from pliant.records.law import JointKind
+from pliant.tabular.names import lines_to_write, proposed
 from pliant.tabular.schema import check_named, noted, notes_beside
-from pliant.tabular.units import conversion, fits, stem, unit_at_the_end, unit_in
+from pliant.tabular.units import conversion, stem, unit_in
 
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
 TRAVELS = {"pressure_pa": "volume_change_m3", "tendon_force_n": "tendon_travel_m"}
@@ -29,13 +30,6 @@ WORDS = {"axis": ("x", "y", "z", ALL), "branch": ("free", "constrained"), "role"
 UNITS = {
     **{"pressure_pa": "Pa", "tendon_force_n": "N", "angle_rad": "rad", "moment_n_m": "N*m"},
     **{"extension_m": "m", "force_n": "N"},
-}
-# What solvers call them, where a unit does not tell.
-CALLED = {
-    "pressure_pa": r"p|pres.*|pn.*|druck.*",
-    "tendon_force_n": r"tendon.*|cable.*|t|tension.*",
-    "angle_rad": r"th.*|phi|alpha|angle.*|rot.*|ur\d?|beta|winkel.*|joint_angle.*|half.*angle.*",
-    "moment_n_m": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
 }
 _OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyz]_(rad|m|n_m|n)")
 _SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d([pu])(_[xyz])?")
@@ -108,14 +102,18 @@ def table_digest(path: Path) -> str:
     return "sha256:" + hashlib.sha256(path.read_bytes() + beside).hexdigest()
 
 
+def table_notes(path: Path) -> tuple[TableNotes, str]:
+    """The notes beside a table, and the name of the file to write them into."""
+    found, beside = notes_beside(path, TableNotes)
+    return found or TableNotes(), (beside if found is not None and beside else path.with_suffix(".yaml")).name
+
+
 class StateHeader:
     """The columns of one table: their names after renaming, the factor to SI of each."""
 
     def __init__(self, path: Path, written: Sequence[str]) -> None:
         """Raises `UserError` for notes on columns that are not there, and for units that do not fit."""
-        found, beside = notes_beside(path, TableNotes)
-        self.file = (beside if found is not None and beside else path.with_suffix(".yaml")).name
-        self.notes = notes = found or TableNotes()
+        self.notes, self.file = notes, _ = table_notes(path)
         self.written = written
         stems = list(map(stem, written))
         check_named(path, self.file, "rename", notes.rename, [*written, *stems])
@@ -164,38 +162,13 @@ class StateHeader:
 
     def lines_to_write(self, path: Path, needed: Sequence[str]) -> str:
         """The YAML that would map the header, as far as names and units tell; an empty text where nothing does."""
-        rename: dict[str, str] = {}
-        units: dict[str, str] = {}
-        for written in self.written:
-            meant = _meant(written)
-            if meant in needed and meant not in (*rename.values(), *self.written):
-                rename[written] = meant
-                if unit_in(written) is None and (unit := unit_at_the_end(written)):
-                    units[written] = unit
-        if not rename:
-            return ""
-        lines = [
-            f"\nWrite into {path.with_suffix('.yaml').name} beside it (and check that they are meant so):"
-        ]
-        for key, pairs in (("rename", rename), ("units", units)):
-            if pairs:
-                lines += [f"{key}:", *(f'  "{name}": {value}' for name, value in pairs.items())]
-        if any(meant == "angle_rad" and "half" in name.lower() for name, meant in rename.items()):
-            lines.append("angle: half_module")
-        return "\n".join(lines)
+        free = [name for name, known in zip(self.written, self.names, strict=True) if known not in KNOWN]
+        rename, units = proposed(free, {name: UNITS[name] for name in needed if name not in self.written})
+        half = any(meant == "angle_rad" and "half" in name.lower() for name, meant in rename.items())
+        return lines_to_write(path, "", rename, units, ["angle: half_module"] if half else ())
 
 
 def _plain(name: str) -> str:
     """The name of a column of one axis of several, without the axis: angle_x_rad is an angle_rad."""
     match = _OF_AXIS.fullmatch(name)
     return f"{match[1]}_{match[2]}" if match else name
-
-
-def _meant(written: str) -> str:
-    """The column that a name and its unit speak for, or an empty text."""
-    unit = unit_in(written) or unit_at_the_end(written)
-    fitting = [name for name in CALLED if unit is None or fits(unit, UNITS[name])]
-    if unit is not None and not fitting and unit_in(written) is None:  # an axis or a number, no unit
-        unit, fitting = None, list(CALLED)
-    named = [name for name in fitting if re.fullmatch(CALLED[name], stem(written).lower().strip())]
-    return [*named, *(fitting if unit is not None else ()), ""][0]

@@ -15,6 +15,7 @@ from pliant.errors import UserError, closest
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.tabular import fem_checks
+from pliant.tabular.cells import is_number
 from pliant.tabular.fem_columns import (
     ACTUATIONS,
     ALL,
@@ -26,8 +27,9 @@ from pliant.tabular.fem_columns import (
     StateColumns,
     StateHeader,
     is_data,
+    table_notes,
 )
-from pliant.tabular.text import is_number, open_sheet
+from pliant.tabular.opening import open_sheet
 
 FAMILY = "table"
 DESIGN = "design"  # column with the design's number in a sweep's table
@@ -234,7 +236,7 @@ class StateTable:
 def _opened(path: Path) -> StateTable:
     """The whole table; its header is checked first."""
     path = Path(path)
-    with open_sheet(path, NEEDED) as sheet:
+    with open_sheet(path, NEEDED, *table_notes(path)) as sheet:
         header = StateHeader(path, sheet.header)
         if problem := _problem(path, header):
             raise UserError(f"{path}, line {sheet.header_line}: {problem}")

@@ -6,7 +6,7 @@ A new kind of table is a `Schema`, `read_columns` and what its numbers must be; 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -18,11 +18,15 @@ from pliant.config.measurements import ColumnNotes
 from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.records.design import Array
-from pliant.tabular.text import Sheet
-from pliant.tabular.units import ENDINGS, conversion, fits, stem, unit_in
+from pliant.tabular.cells import Block, is_stamp
+from pliant.tabular.names import meanings
+from pliant.tabular.sheet import Sheet
+from pliant.tabular.units import ENDINGS, SPELLINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
+Entry = TypeVar("Entry")
 Notes = TypeVar("Notes", bound=ColumnNotes)
+STAMPS, FRAMES = "date", "frames"  # units of a clock that holds time stamps, or numbers of pictures
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,8 @@ class FileColumn:
         role: what it is for.
         unit: SI unit of `name`.
         scale, shift: value in SI = scale · written value + shift.
-        in_unit: the unit that it is written in.
+        zero: what the notes say that it reads at zero, SI; `shift` holds it already.
+        in_unit: the unit that it is written in; `STAMPS` where it holds dates or times of day.
     """
 
     written: str
@@ -55,6 +60,24 @@ class FileColumn:
     scale: float = 1.0
     shift: float = 0.0
     in_unit: str = ""
+    zero: float = 0.0
+
+    @property
+    def stamped(self) -> bool:
+        return self.in_unit == STAMPS
+
+    @property
+    def unit_as_written(self) -> str:
+        """The unit of its numbers in the file, as it is spelt here; the SI unit of a clock of stamps or pictures."""
+        return self.unit if self.in_unit in (STAMPS, FRAMES) else SPELLINGS.get(self.in_unit, self.in_unit)
+
+    def written_values(self, block: Block, place: int) -> Array:
+        """(n,) its numbers in a block, as they are written; seconds from the first of time stamps."""
+        return block.seconds(place, self.written) if self.stamped else block.numbers(place, self.written)
+
+    def values(self, block: Block, place: int) -> Array:
+        """(n,) its numbers in a block, SI."""
+        return self.scale * self.written_values(block, place) + self.shift
 
 
 @dataclass(frozen=True)
@@ -69,7 +92,7 @@ class Schema:
         return next((k for k in self.known if re.fullmatch(k.stem + k.unit_suffix, name)), None)
 
     def column_of(
-        self, written: str, name: str, unit: str | None, inputs: frozenset[str]
+        self, written: str, name: str, unit: str | None, inputs: frozenset[str], stamped: bool = False
     ) -> FileColumn | None:
         """The column that `name` means; None for a name that is not known.
 
@@ -78,6 +101,7 @@ class Schema:
             name: the name after renaming; it may end in another unit of the same kind (`angle_deg`).
             unit: the unit that the notes give for it, before the one in the name.
             inputs: names whose role is "input" in this file, whatever the schema says.
+            stamped: whether its cells are dates or times of day.
 
         Raises `UserError` for a unit that does not fit.
         """
@@ -86,10 +110,15 @@ class Schema:
         plain = plain.removeprefix(prefix)
         si, suffix_unit = self._in_si(plain, unit or unit_in(written))
         known = self.find(si)
+        if known is None and not prefix:
+            si, suffix_unit = self._by_word(stem(name), unit or unit_in(written), stamped)
+            known = self.find(si)
         if known is None or (prefix and known.role != "output"):
             return None
         role: Role = "sigma" if prefix else "input" if si in inputs else known.role
         scale, shift = 1.0, 0.0
+        if stamped and role == "time":
+            return FileColumn(written, si, role, known.unit, in_unit=STAMPS)
         source = unit or suffix_unit or (unit_in(written) if known.unit else None)
         if source is not None:
             if not known.unit:
@@ -105,14 +134,18 @@ class Schema:
         header: Sequence[str],
         notes: ColumnNotes | None = None,
         inputs: frozenset[str] = frozenset(),
+        stamped: Container[str] = (),
     ) -> dict[str, FileColumn]:
-        """The columns of a header that are known, by their names; raises `UserError` where two mean the same."""
+        """The columns of a header that are known, by their names; raises `UserError` where two mean the same.
+
+        `stamped`: names in the header of columns that hold dates or times of day.
+        """
         rename, units = (notes.rename, notes.units) if notes else ({}, {})
         found: dict[str, FileColumn] = {}
         for written in filter(None, header):
             renamed = noted(rename, written, stem(written)) or written
             unit = noted(units, written, stem(written), renamed)
-            column = self.column_of(written, renamed, unit, inputs)
+            column = self.column_of(written, renamed, unit, inputs, written in stamped)
             if column is not None and column.name in found:
                 both = f"'{found[column.name].written}' and '{written}'"
                 raise UserError(f"{path}: columns {both} both mean {column.name}; keep one.")
@@ -132,6 +165,25 @@ class Schema:
                 if known.unit and re.fullmatch(known.stem, start) and fits(str(ending), known.unit):
                     return start + known.unit_suffix, ending
         return name, None
+
+    def _by_word(self, name: str, unit: str | None, stamped: bool) -> tuple[str, str | None]:
+        """`Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar"); the name itself where it may mean several."""
+        cuts: list[tuple[str, str | None]] = [(name, unit)]
+        cuts += [(name[:k], ENDINGS.get(name[k + 1 :].lower())) for k, mark in enumerate(name) if mark == "_"]
+        found: dict[str, str | None] = {}
+        for start, ending in cuts:
+            for meant in meanings(start):
+                for known in self.known:
+                    if re.fullmatch(known.stem, meant) and self._says(known, ending, stamped):
+                        found.setdefault(meant + known.unit_suffix, ending)
+        return next(iter(found.items())) if len(found) == 1 else (name, None)
+
+    @staticmethod
+    def _says(known: Known, unit: str | None, stamped: bool) -> bool:
+        """Whether a column that is called so, with this unit, can be only that."""
+        if known.role == "time" and stamped:
+            return True
+        return fits(unit, known.unit) if unit and known.unit else not unit and not known.unit
 
 
 @dataclass
@@ -153,16 +205,21 @@ def read_columns(sheet: Sheet, columns: dict[str, FileColumn]) -> Values:
     for block in sheet.blocks():
         lines.append(block.lines)
         for name, strings in texts.items():
-            strings += [cell.strip() for cell in block.columns[places[name]]]
+            strings += [cell.strip() for cell in block.texts(places[name])]
         for name, parts in numbers.items():
             column = columns[name]
-            parts.append(column.scale * block.numbers(places[name], column.written) + column.shift)
+            parts.append(column.values(block, places[name]))
     sheet.problems.raise_if_any()
     read = {column.written for column in columns.values()}
     unread = [name for name in sheet.header if name and name not in read]
     remarks = [f"Not read: {plural(len(unread), 'column')} {', '.join(unread)}."] if unread else []
     joined = {name: np.concatenate([np.zeros(0), *parts]) for name, parts in numbers.items()}
     return Values(joined, texts, np.concatenate(lines), remarks)
+
+
+def stamped(sheet: Sheet) -> list[str]:
+    """Columns of a sheet that hold dates or times of day."""
+    return [name for place, name in enumerate(sheet.header) if is_stamp(sheet.first(place))]
 
 
 def notes_beside(path: Path, model: type[Notes]) -> tuple[Notes | None, Path | None]:
@@ -190,6 +247,6 @@ def check_named(path: Path, notes_name: str, key: str, named: Iterable[str], col
             )
 
 
-def noted(entries: Mapping[str, str], *names: str) -> str | None:
+def noted(entries: Mapping[str, Entry], *names: str) -> Entry | None:
     """What notes say of a column under the first of its names that they know."""
     return next((entries[name] for name in names if name in entries), None)

@@ -1,8 +1,9 @@
 """A table's text as a stream of blocks: bounded memory, every row with its line, every problem told.
 
-Taken as people save it: columns between commas, semicolons or tabs (after the last two decimals may have a comma);
-UTF-8 with or without a byte order mark, UTF-16, and Latin-1 where bytes are no UTF-8; comments of Pliant (`#`), COMSOL
-(`%`) and Abaqus (`**`); the header in the last comment above the numbers, as COMSOL writes it.
+Taken as people save it: columns between commas, semicolons, tabs or blanks (decimals may have a comma where none
+separates columns, or where cells are quoted); UTF-8 with or without a byte order mark, UTF-16, and Latin-1 where bytes
+are no UTF-8; comments of Pliant (`#`), COMSOL (`%`) and Abaqus (`**`); lines of instruments above the header; the
+header in the last comment above the numbers, as COMSOL and numpy write it; a line of units below it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO
 
@@ -21,116 +22,35 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.formatting import plural
 from pliant.records.design import Array
+from pliant.tabular.cells import COMMA_DECIMAL, Block, Cells, Marks, Problems, any_numeric, looks_numeric
+from pliant.tabular.header import WINDOW, Found, Row, find_header
+from pliant.tabular.sheet import Sheet
 
 BLOCK = 1 << 22  # characters read at a time
-SHOWN = 20  # problems that a message lists
-ENOUGH = 10_000  # problems after which reading stops
-MISSING = ("", "nan", "na", "n/a")
 COMMENTS = ("#", "%", "**")
-# First bytes of what people take for a table.
-NO_TABLES = {
-    b"%PDF": "it is a PDF; export the numbers as CSV",
-    b"PK\x03\x04": "it is a spreadsheet or an archive; save the table as 'CSV UTF-8'",
-    b"\xd0\xcf\x11\xe0": "it is an old spreadsheet; save the table as 'CSV UTF-8'",
-}
-COMMA_DECIMAL = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+SEPARATORS = (";", "\t", ",", " ")
 QUOTED_LINES = 20  # that a quoted cell may have
 # Bytes that are no UTF-8 are read as Latin-1, one by one, so that a large file is read once.
 codecs.register_error("latin-1", lambda e: (e.object[e.start : e.end].decode("latin-1"), e.end))  # type: ignore
-Cells = tuple[str, ...]
 
 
 @dataclass
-class Problems:
-    """What is wrong with the rows of a file, by line; `advice` says what to do about it."""
+class TextSheet(Sheet):
+    """A text file. `rest` has been read and not yet given out; its first line is `line`."""
 
-    path: Path
-    found: list[tuple[int, str]] = field(default_factory=list)
-    count: int = 0
-    advice: str = "correct the file or say more in its YAML"
-
-    def add(self, line: int, text: str) -> None:
-        """One more; the first `SHOWN` are kept, and reading ends at `ENOUGH`."""
-        self.count += 1
-        if len(self.found) < SHOWN:
-            self.found.append((line, text))
-        if self.count >= ENOUGH:
-            raise self.error(f", and reading stopped at line {line}")
-
-    def error(self, ending: str = "") -> UserError:
-        lines = [f"  line {line}: {text}" for line, text in sorted(self.found)]
-        more = self.count - len(self.found)
-        if more or ending:
-            lines.append(f"  … and {more} more{ending}")
-        rows = "1 problem" if self.count == 1 else f"{self.count} problems"
-        return UserError(f"{self.path}: {rows}; {self.advice}:\n" + "\n".join(lines))
-
-    def raise_if_any(self) -> None:
-        if self.count:
-            raise self.error()
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Some rows: one tuple of cells per column, and (n,) the line of each row."""
-
-    columns: tuple[Cells, ...]
-    lines: Array
-    problems: Problems
-    comma: bool = False
-
-    def numbers(self, place: int, column: str) -> Array:
-        """A column as floats: NaN where it is blank (or says nan, NA); texts and infinities become problems."""
-        cells = self.columns[place]
-        if self.comma and "," in (together := "\n".join(cells)):
-            plain = "." not in together and together.count("\n") == len(cells) - 1
-            if plain:
-                cells = tuple(together.replace(",", ".").split("\n"))
-            else:
-                cells = _with_points(cells, self.lines, column, self.problems)
-        return _floats(cells, self.lines, column, self.problems)
-
-
-@dataclass
-class Sheet:
-    """An open file: its header has been read, `blocks` gives the rows.
-
-    Attributes:
-        header: names as written, stripped, in line `header_line`.
-        separator: between columns.
-        blank_rows: rows with separators and nothing else, counted while `blocks` runs.
-    """
-
-    path: Path
-    header: list[str]
-    problems: Problems
-    file: IO[str]
-    rest: str
-    line: int
+    file: IO[str] = field(default_factory=io.StringIO)
+    rest: str = ""
+    line: int = 1
     separator: str = ","
-    header_line: int = 1
-    blank_rows: int = 0
 
-    def __enter__(self) -> Sheet:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close the file."""
         self.file.close()
 
-    def table(self) -> tuple[list[int], list[list[str]]]:
-        """Line of each row and cells of each column, stripped, decimals with a point; the first problem is raised."""
-        lines: list[int] = []
-        columns: list[list[str]] = [[] for _ in self.header]
-        for block in self.blocks():
-            lines += block.lines.tolist()
-            for column, cells in zip(columns, block.columns, strict=True):
-                stripped = tuple(cell.strip() for cell in cells)
-                column += _with_points(stripped, block.lines, "", self.problems) if block.comma else stripped
-        for line, text in self.problems.found[:1]:
-            raise UserError(f"{self.path}, line {line}: {text}")
-        if not lines:
-            raise UserError(f"{self.path}: the table has a header and no rows.")
-        return lines, columns
+    def lines(self) -> int:
+        """Lines of the file; a scan of its bytes."""
+        with self.path.open("rb") as file:
+            return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
 
     def blocks(self) -> Iterator[Block]:
         """The rows after the header. Raises `UserError` where the file is no text or has too many problems."""
@@ -171,12 +91,14 @@ class Sheet:
         return False
 
     def _parsed(self, texts: list[str], numbers: Array) -> Block:
-        width, comma = len(self.header), self.separator != ","
+        width = len(self.header)
+        if (plain := self._plain(texts, width)) is not None:
+            return Block(plain, numbers, self.problems, self.marks, self.clock)
         try:
             rows = list(_reader(texts, self.separator))
             columns = tuple(zip(*rows, strict=True))
             if len(rows) == len(texts) and len(columns) == width:
-                return Block(columns, numbers, self.problems, comma)
+                return Block(columns, numbers, self.problems, self.marks, self.clock)
         except (csv.Error, ValueError):
             pass  # some row is bad: look for it row by row
         good, lines, k = [], [], 0
@@ -192,10 +114,22 @@ class Sheet:
                 good.append(cells)
                 lines.append(number)
             else:
-                hint = " (decimals need a point, not a comma)" if len(cells) > width and not comma else ""
+                unquoted = len(cells) > width and self.separator == ","
+                hint = " (decimals need a point, not a comma)" if unquoted else ""
                 self.problems.add(number, f"{plural(len(cells), 'cell')}, but the header has {width}{hint}")
         columns = tuple(zip(*good, strict=True)) if good else ((),) * width
-        return Block(columns, np.array(lines, int), self.problems, comma)
+        return Block(columns, np.array(lines, int), self.problems, self.marks, self.clock)
+
+    def _plain(self, texts: list[str], width: int) -> tuple[Cells, ...] | None:
+        """The columns where nothing is quoted and every row has all cells: without a list for each row."""
+        mark = self.separator
+        if mark == " ":
+            texts = [" ".join(line.split()) for line in texts]
+        together = mark.join(texts)
+        if '"' in together or any(line.count(mark) != width - 1 for line in texts):
+            return None
+        cells = together.split(mark)
+        return tuple(tuple(cells[k::width]) for k in range(width))
 
     def _row(self, texts: list[str]) -> tuple[list[str], str]:
         """Cells of one row that may run over lines, and what is wrong with it."""
@@ -207,26 +141,18 @@ class Sheet:
 
 
 def _reader(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
+    if separator == " ":
+        lines = (" ".join(line.split()) for line in lines)
     return csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
 
 
-def open_sheet(path: Path, example: str) -> Sheet:
-    """Open a table and read its header; `example` is a header for messages.
-
-    Raises `UserError` where there is no file, no text, or no header.
-    """
+def open_text(path: Path, example: str, marks: Marks, notes: str = "") -> TextSheet:
+    """Open a text file and find its header; arguments as of `open_sheet`, which see for errors."""
+    with path.open("rb") as raw:
+        start = raw.read(256)
+    file = path.open(encoding=_encoding(start), errors="latin-1", newline=None)
     try:
-        with path.open("rb") as raw:
-            start = raw.read(256)
-        for mark, what in NO_TABLES.items():
-            if start.startswith(mark):
-                raise UserError(f"{path}: {what}.")
-        file = path.open(encoding=_encoding(start), errors="latin-1", newline=None)
-    except (OSError, ValueError) as error:
-        cause = "no such file" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", error)
-        raise UserError(f"{path}: the table cannot be read ({cause}).") from None
-    try:
-        return _with_header(path, file, example)
+        return _with_header(path, file, example, marks, Problems(path, notes=notes))
     except BaseException:
         file.close()
         raise
@@ -242,100 +168,116 @@ def _encoding(start: bytes) -> str:
     return "utf-8-sig"
 
 
-def _with_header(path: Path, file: IO[str], example: str) -> Sheet:
-    text, line, comment = _read(file, path), 0, ""
-    if "\0" in text:
-        raise UserError(f"{path}: it is not a text file; save the table as 'CSV UTF-8'.")
-    while text:
-        if "\n" not in text and (new := _read(file, path)):
-            if len(text) > BLOCK:
-                raise UserError(f"{path}, line {line + 1}: the line is too long for a table row.")
-            text += new
-            continue
-        first, _, text = text.partition("\n")
-        line += 1
-        if first.strip() and not first.lstrip().startswith(COMMENTS):
-            return _headed(path, line, first, text, comment, file, example)
-        comment = first.strip().lstrip("".join(COMMENTS)).strip() or comment
-        text = text or _read(file, path)
-    raise UserError(f"{path}: the table is empty; it needs a header such as {example}.")
-
-
-def _headed(path: Path, line: int, first: str, rest: str, comment: str, file: IO[str], example: str) -> Sheet:
-    marks = ";\t," if ";" in first or "," not in first else ","
-    separator = next((mark for mark in marks if mark in first), ",")
-    try:
-        header = [cell.strip() for cell in next(_reader([first], separator))]
-    except csv.Error as error:
-        raise UserError(f"{path}, line {line}: the header cannot be read as CSV ({error}).") from None
-    start = line + 1
-    if all(is_number(cell.replace(",", ".")) for cell in header):
-        width = len(header)
-        header = [cell.strip() for cell in comment.split(separator)]  # COMSOL's, above the numbers
-        rest, start = f"{first}\n{rest}", line
-        if len(header) != width or width < 2:
-            raise UserError(
-                f"{path}, line {line}: the first row holds numbers; write a header above it, such as {example}."
-            )
-    repeated = sorted({cell for cell in header if cell and header.count(cell) > 1})
+def _with_header(path: Path, file: IO[str], example: str, marks: Marks, problems: Problems) -> TextSheet:
+    text = _beginning(path, file)
+    lines = text.split("\n")[:WINDOW]
+    shown = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(COMMENTS)]
+    if not shown:
+        raise UserError(f"{path}: the table is empty; it needs a header such as {example}.")
+    separator, found = _found(lines, shown, marks)
+    if found is None:
+        separator, found = _first_line(path, lines, shown[0], example, marks)
+    repeated = sorted({name for name in found.names if name and found.names.count(name) > 1})
     if repeated:
-        count = header.count(repeated[0])
-        raise UserError(f"{path}, line {line}: column '{repeated[0]}' stands {count} times; keep one.")
-    return Sheet(path, header, Problems(path), file, rest, start, separator, line)
+        count = found.names.count(repeated[0])
+        raise UserError(
+            f"{path}, line {found.at + 1}: column '{repeated[0]}' stands {count} times; keep one."
+        )
+    rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
+    marks = replace(marks, comma=separator != "," or _quoted_commas(rows, marks))
+    _check_widths(path, found, rows, separator)
+    return TextSheet(
+        path,
+        found.names,
+        problems,
+        marks,
+        header_line=found.at + 1,
+        preamble=tuple(line.strip().lstrip("#%* ") for line in lines[: found.at] if line.strip()),
+        sample=tuple(row for row in rows if len(row) == len(found.names)),
+        file=file,
+        rest=text[sum(len(line) + 1 for line in lines[: found.start]) :],
+        line=found.start + 1,
+        separator=separator,
+    )
 
 
-def _with_points(cells: Cells, lines: Array, column: str, problems: Problems) -> Cells:
-    """Cells whose decimals have a comma, with a point; "1.234,5" may be read in two ways and is a problem."""
-    found = []
-    for cell, line in zip(cells, lines.tolist(), strict=True):
-        text = cell.strip()
-        if "," in text and "." in text and is_number(text.replace(",", "").replace(".", "")):
-            where = f"column {column}: " if column else ""
-            problems.add(
-                line,
-                f"{where}'{text}' may be read in two ways; write one mark for the decimals and nothing between "
-                "thousands",
-            )
-        found.append(text.replace(",", ".") if COMMA_DECIMAL.fullmatch(text) else cell)
-    return tuple(found)
+def _beginning(path: Path, file: IO[str]) -> str:
+    """At least the lines that are searched for the header, or all there are."""
+    text = ""
+    while text.count("\n") < WINDOW and (new := _read(file, path)):
+        text += new
+        if "\0" in new:
+            raise UserError(f"{path}: it is not a text file; save the table as 'CSV UTF-8'.")
+        if len(text) - text.rfind("\n") - 1 > BLOCK:
+            raise UserError(f"{path}, line {text.count(chr(10)) + 1}: the line is too long for a table row.")
+    return text
 
 
-def _floats(cells: Cells, lines: Array, column: str, problems: Problems) -> Array:
+def _cells(line: str, separator: str) -> list[str]:
+    """Stripped cells of one line; none where it is no row by itself."""
     try:
-        values = np.fromiter(map(float, cells), float, len(cells))
-        plain = "_" not in "".join(cells)  # Python would read 1_5 as 15
-    except ValueError:
-        plain = False
-    if not plain:
-        pairs = zip(cells, lines.tolist(), strict=True)
-        values = np.array([_number(cell.strip(), line, column, problems) for cell, line in pairs])
-    for index in np.flatnonzero(np.isinf(values)):
-        problems.add(int(lines[index]), f"column {column} is infinite; leave it blank where nothing was read")
-    return values
+        return [cell.strip() for cell in next(_reader([line], separator))]
+    except csv.Error:
+        return []
 
 
-def _number(text: str, line: int, column: str, problems: Problems) -> float:
-    if is_number(text):
-        return float(text)
-    if text.lower() not in MISSING:
-        comma = re.fullmatch(r"[-+]?\d+,\d+", text)
-        hint = "decimals need a point" if comma else "leave missing values blank"
-        shown = text if len(text) <= 30 else f"{text[:30]}…"
-        problems.add(line, f"column {column}: '{shown}' is not a number; {hint}")
-    return np.nan
+def _found(lines: Sequence[str], shown: Sequence[int], marks: Marks) -> tuple[str, Found | None]:
+    """The separator with which most rows fit a header, and that header; it may stand in the last comment."""
+    best: tuple[str, Found | None] = (",", None)
+    for separator in SEPARATORS:
+        written = replace(marks, comma=True)
+        rows: list[Row] = [(k, cells) for k in shown if (cells := _cells(lines[k], separator))]
+        for found in (find_header(rows, written), _in_comment(lines, rows, separator, written)):
+            if found is not None and found.rows > (best[1].rows if best[1] is not None else 0):
+                best = separator, found
+    return best
 
 
-def is_number(text: str) -> bool:
-    """Whether a cell holds a number; Python would read 1_5 as 15."""
+def _in_comment(lines: Sequence[str], rows: Sequence[Row], separator: str, marks: Marks) -> Found | None:
+    """The header in the last comment above the first row, which holds numbers: COMSOL's and numpy's."""
+    above = [k for k in range(rows[0][0] if rows else 0) if lines[k].strip()]
+    if not above or not lines[above[-1]].lstrip().startswith(COMMENTS) or not any_numeric(rows[0][1], marks):
+        return None
+    header = _cells(lines[above[-1]].strip().lstrip("".join(COMMENTS)).strip(), separator)
+    found = find_header([(above[-1], header), *rows], marks)
+    return found if found is not None and found.at == above[-1] else None
+
+
+def _first_line(path: Path, lines: Sequence[str], at: int, example: str, marks: Marks) -> tuple[str, Found]:
+    """The first line as the header, where nothing fits any: for a message, or a table without numbers."""
+    first = lines[at]
+    candidates = ";\t," if ";" in first or "," not in first else ","
+    separator = next((mark for mark in candidates if mark in first), ",")
     try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
+        names = [cell.strip() for cell in next(_reader([first], separator))]
+    except csv.Error as error:
+        raise UserError(f"{path}, line {at + 1}: the header cannot be read as CSV ({error}).") from None
+    filled = list(filter(None, names))
+    if filled and 2 * sum(looks_numeric(name, replace(marks, comma=True)) for name in filled) >= len(filled):
+        raise UserError(
+            f"{path}, line {at + 1}: the first row holds numbers; write a header above it, such as {example}."
+        )
+    return separator, Found(names, at, at + 1, 0)
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= 30 else f"{text[:30]}…"
+def _quoted_commas(rows: Sequence[Sequence[str]], marks: Marks) -> bool:
+    """Whether cells between commas have decimals with a comma: some surely do, and none has a point."""
+    cells = [cell for row in rows for cell in row]
+    commas = [cell for cell in cells if COMMA_DECIMAL.fullmatch(cell)]
+    sure = [cell for cell in commas if not re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", cell)]
+    return bool(sure) and not any("." in cell and looks_numeric(cell, marks) for cell in cells)
+
+
+def _check_widths(path: Path, found: Found, rows: Sequence[Sequence[str]], separator: str) -> None:
+    """Raise `UserError` where decimal commas between commas tear the numbers of most rows apart."""
+    width = len(found.names)
+    more = [row for row in rows if len(row) > width and all(re.fullmatch(r"[-+]?\d*", c) for c in row[-2:])]
+    if separator == "," and len(more) > max(2, len(rows) // 2):
+        raise UserError(
+            f"{path}: {plural(len(more), 'row')} of the first {len(rows)} have more cells than the header, as decimal "
+            "commas between columns that are separated by commas make them; export with semicolons between the "
+            "columns, or with decimal points."
+        )
 
 
 def _read(file: IO[str], path: Path) -> str:
@@ -345,16 +287,3 @@ def _read(file: IO[str], path: Path) -> str:
         raise UserError(f"{path}: it is not a text file; save the table as 'CSV UTF-8'.") from None
     except OSError as error:
         raise UserError(f"{path}: the table cannot be read ({error.strerror}).") from None
-
-
-def count_lines(path: Path) -> int:
-    """Lines of a file, for a progress bar; a scan of its bytes."""
-    with path.open("rb") as file:
-        return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
-
-
-def lines_text(lines: Sequence[int], count: int | None = None) -> str:
-    """ "lines 3, 5, 8, …": the first few of `count`."""
-    count = len(lines) if count is None else count
-    shown = ", ".join(str(line) for line in lines[:5])
-    return f"line {shown}" if count == 1 else f"lines {shown}{', …' if count > min(len(lines), 5) else ''}"

@@ -17,24 +17,65 @@ ENDINGS = {
     **{"mn_m": "mN*m", "ncm": "N*cm", "n_cm": "N*cm", "c": "degC", "k": "K", "f": "degF"},
     **{"degc": "degC", "degf": "degF", "percent": "percent", "pct": "percent", "strain": "dimensionless"},
 }
+# As people write units, where `pint` would read something else or nothing.
+SPELLINGS = {
+    **{"°": "deg", "Grad": "deg", "degree": "deg", "degrees": "deg", "Degrees": "deg", "gon": "gradian"},
+    **{"°C": "degC", "C": "degC", "°F": "degF", "%": "percent", "-": "dimensionless", "1": "dimensionless"},
+    **{"m/m": "dimensionless", "mm/mm": "dimensionless"},
+    **{
+        "Nm": "N*m",
+        "N m": "N*m",
+        "Nmm": "N*mm",
+        "N mm": "N*mm",
+        "mNm": "mN*m",
+        "mN m": "mN*m",
+        "Ncm": "N*cm",
+    },
+    **{"Bar": "bar", "mBar": "mbar", "KPa": "kPa", "kpa": "kPa", "PSI": "psi", "Psi": "psi", "Mpa": "MPa"},
+    **{
+        "Sek": "s",
+        "sec": "s",
+        "Sekunden": "s",
+        "seconds": "s",
+        "msec": "ms",
+        "µs": "us",
+        "μs": "us",
+        "Min": "min",
+    },
+    **{"µm": "um", "μm": "um", "gr": "g", "fps": "Hz"},
+}
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)?")
 _BRACKET = re.compile(r"(.+?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]$")
+_BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S+)$")  # DIN 1313: "p / kPa"; and "Druck in kPa"
+
+
+def _split(written: str) -> tuple[str, str | None]:
+    match = _BRACKET.match(written)
+    if match is None and (match := _BEHIND.match(written)) is not None and not is_unit(match[2]):
+        match = None
+    return (match[1], match[2]) if match else (written, None)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that tables have, in one of the spellings of people."""
+    return text in SPELLINGS or text in ENDINGS.values() or text == "Hz"
 
 
 def stem(written: str) -> str:
-    """A name without the unit in brackets behind it."""
-    match = _BRACKET.match(written)
-    return match[1] if match else written
+    """A name without the unit behind it: in brackets, or after a stroke."""
+    return _split(written)[0]
 
 
 def unit_in(written: str) -> str | None:
-    """The unit in brackets behind a name."""
-    match = _BRACKET.match(written)
-    return match[2] if match else None
+    """The unit behind a name: in brackets, or after a stroke."""
+    return _split(written)[1]
 
 
 def unit_at_the_end(written: str) -> str | None:
     """The unit that a name ends in, the longest ending that is one: ``angle_deg`` → deg."""
     ends = [end for end in ENDINGS if written.lower().endswith("_" + end)]
+    if written.endswith("_Grad"):
+        return "deg"
     return ENDINGS[max(ends, key=len)] if ends else None
 
 
@@ -56,5 +97,19 @@ def conversion(written: str, unit: str, where: str) -> tuple[float, float]:
     return one - shift, shift
 
 
+def value_of(written: str | float, unit: str, where: str) -> float:
+    """A quantity as people write it, in an SI unit; a bare number is SI. Raises `UserError` with `where` in front."""
+    if isinstance(written, str) and (match := _NUMBER.fullmatch(written.strip())) and match[2]:
+        scale, shift = conversion(match[2], unit, where)
+        return scale * float(match[1]) + shift
+    try:
+        return float(written)
+    except ValueError:
+        raise UserError(f"{where}: '{written}' is not a quantity.") from None
+
+
 def _in_unit(number: int, written: str, unit: str) -> float:
+    if written == "grad":
+        raise UnitError("'grad' is a degree in German and a gradian in English; write 'deg' or 'gon'")
+    written = SPELLINGS.get(written, written)
     return parse_quantity(f"{number} {written.replace('·', '*')}", unit)

@@ -10,8 +10,8 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
+from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import Known, Schema, read_columns
-from pliant.tabular.text import open_sheet
 
 # Points of a curve that are kept for pictures.
 DRAWN = 61

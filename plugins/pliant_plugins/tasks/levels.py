@@ -91,7 +91,7 @@ def settle_levels(simulation: Simulation, levels: Iterable[Level]) -> list[Equil
 def result_of(
     chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int] = (-1,)
 ) -> TaskResult:
-    """The last level's equilibrium with metrics of it, and all levels as a history.
+    """The last level's equilibrium with metrics of it (of the last that held), and all levels as a history.
 
     `iterations` and `wall_s` of the result are those of all levels; its `outside_domain` holds the worst entry of
     each joint and variable over all of them. `asked` are the levels that the task is about: if one of them did not
@@ -117,8 +117,12 @@ def result_of(
         markers_m=np.array([one.markers_m for one in found]),
     )
     unsettled = sum(not one.converged for one in found)
-    metrics = {**chain_metrics(chain, final), "unsettled_levels": unsettled}
-    return TaskResult(final, metrics, rollout, not_reached=_not_reached(chain, levels, found, asked))
+    not_reached, last_held = _not_reached(chain, levels, found, asked)
+    metrics = {
+        **chain_metrics(chain, final if last_held is None else found[last_held]),
+        "unsettled_levels": unsettled,
+    }
+    return TaskResult(final, metrics, rollout, not_reached=not_reached, last_held=last_held)
 
 
 def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
@@ -142,14 +146,17 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
 
 def _not_reached(
     chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int]
-) -> str:
+) -> tuple[str, int | None]:
+    """The sentence, and the place of the last level that held before the one that did not; empty where all hold."""
     for index in sorted(k % len(levels) for k in asked):
         reason = why_not_held(chain, found[index])
         if reason:
-            held = [levels[k].name for k in range(index) if not why_not_held(chain, found[k])]
-            last = f"the last level that held is {held[-1]}" if held else "no level before it held"
-            return f"At {levels[index].name} the chain {reason}; {last}."
-    return ""
+            held = [k for k in range(index) if not why_not_held(chain, found[k])]
+            last = (
+                f"the last level that held is {levels[held[-1]].name}" if held else "no level before it held"
+            )
+            return f"At {levels[index].name} the chain {reason}; {last}.", held[-1] if held else None
+    return "", None
 
 
 def as_list(points: Array) -> list[object]:

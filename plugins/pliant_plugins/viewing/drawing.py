@@ -22,6 +22,7 @@ DARK = (0.24, 0.27, 0.33, 1.0)
 PAPER, LINE = (0.95, 0.96, 0.97), (0.62, 0.66, 0.73)
 MOUNT = 0.035  # thickness of the base plate, of the extent
 STEEL_KG_M3 = 7850.0
+THREAD = 0.06  # radius of what a payload hangs from, of the ball's
 SIGNS = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
 GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
@@ -86,6 +87,12 @@ class SceneDrawing:
             pose = geometry.forward(frames.coordinates[number][index])
             for body in range(geometry.n_joints + 1):
                 self._put(f"arm{number}_{body}", pose.origins[body] + carriage, pose.rotations[body])
+            if (skin := self._skins[number]) is not None:
+                for bone, (origin, turn) in enumerate(zip(*skin.bones(pose), strict=True)):
+                    self._put(f"bone{number}_{bone}", origin + carriage, turn)
+            if self.scene.arms[number].chain.payload_kg > 0:
+                tip = pose.origins[-1] + pose.rotations[-1] @ geometry.tip_offset
+                self._put(f"payload{number}", tip + carriage, self._upright)
         for number in range(len(self.scene.objects)):
             self._put(f"object{number}", frames.positions_m[index, number], frames.rotations[index, number])
         mujoco.mj_forward(self.model, self.data)
@@ -104,7 +111,7 @@ class SceneDrawing:
         glob.offwidth, glob.offheight, glob.fovy = int(picture[0]), int(picture[1]), 30.0
         glob.azimuth, glob.elevation = 120.0, -18.0
         spec.visual.map.znear, spec.visual.map.zfar = 0.02, 60.0
-        spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4
+        spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 4096, 4
         spec.visual.headlight.ambient = [0.36] * 3
         spec.visual.headlight.diffuse = [0.32] * 3
         spec.visual.headlight.specular = [0.06] * 3
@@ -129,32 +136,57 @@ class SceneDrawing:
                 if surface_of(shape) is None:
                     _add_shape(spec, bodies[k], shape, colour, f"arm{number}_{k}_{i}")
         if chain.payload_kg > 0:
-            radius = float((3 * chain.payload_kg / (4 * np.pi * STEEL_KG_M3)) ** (1 / 3))
-            weight = bodies[-1].add_geom(type=GEOMS["sphere"], pos=chain.tip_offset_m, rgba=DARK)
+            radius, thread = self._hung(number)
+            hung = spec.worldbody.add_body(name=f"payload{number}", mocap=True)
+            weight = hung.add_geom(type=GEOMS["sphere"], pos=[0.0, 0.0, -thread - radius], rgba=DARK)
             weight.size = [radius, 0, 0]
+            line = hung.add_geom(type=GEOMS["cylinder"], pos=[0.0, 0.0, -thread / 2], rgba=DARK)
+            line.size = [THREAD * radius, thread / 2, 0]
         if skin is not None:
             self._add_skin(spec, number, skin, colour)
             plate = bodies[0].add_geom(type=GEOMS["box"], rgba=DARK)
             plate.pos, plate.size = _mount(skin, self._straight[number], MOUNT * self.extent.size_m)
 
-    def _add_skin(self, spec: mujoco.MjSpec, number: int, skin: Skin, colour: tuple[float, ...]) -> None:
+    def _hung(self, number: int) -> tuple[float, float]:
+        """Radius of a steel ball of the payload's mass, and the length of a thread that hangs it clear of the tip."""
+        chain, skin = self.scene.arms[number].chain, self._skins[number]
+        radius = float((3 * chain.payload_kg / (4 * np.pi * STEEL_KG_M3)) ** (1 / 3))
+        if skin is None:
+            return radius, radius
         straight = self._straight[number]
-        last = len(straight.origins) - 1
+        tip = straight.origins[-1] + straight.rotations[-1] @ self._geometries[number].tip_offset
+        local = (skin.rest.vertices_m - tip) @ straight.rotations[-1]
+        return radius, radius + float(np.linalg.norm(local[:, 1:], axis=1).max())
+
+    @property
+    def _upright(self) -> Array:
+        """(3, 3) a rotation whose z points against gravity, up without any."""
+        gravity = self.scene.gravity_m_s2
+        size = float(np.linalg.norm(gravity))
+        z = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+        x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+        x /= np.linalg.norm(x)
+        return np.column_stack([x, np.cross(z, x), z])
+
+    def _add_skin(self, spec: mujoco.MjSpec, number: int, skin: Skin, colour: tuple[float, ...]) -> None:
+        origins, turns = skin.bones(self._straight[number])
+        followed, share = skin.followed()
         names, ids, weights = [], [], []
-        for bone in range(last + 1):
-            first = (skin.body == bone) & (skin.share < 1.0)
-            second = (np.minimum(skin.body + 1, last) == bone) & (skin.share > 0.0) & ~first
+        for bone in range(len(origins)):
+            spec.worldbody.add_body(name=f"bone{number}_{bone}", mocap=True)
+            first = followed == bone
+            second = (followed + 1 == bone) & (share > 0.0)
             mine = np.flatnonzero(first | second)
             if len(mine):
                 names.append(bone)
                 ids.append(mine.tolist())
-                weights.append(np.where(first, 1.0 - skin.share, skin.share)[mine].tolist())
+                weights.append(np.where(first, 1.0 - share, share)[mine].tolist())
         drawn = spec.add_skin(name=f"skin{number}", rgba=colour)
         drawn.vert = skin.rest.vertices_m.ravel().tolist()
         drawn.face = skin.rest.faces.ravel().tolist()
-        drawn.bodyname = [f"arm{number}_{bone}" for bone in names]
-        drawn.bindpos = np.concatenate([straight.origins[bone] for bone in names]).tolist()
-        quaternions = [quaternion_of_matrix(straight.rotations[bone]) for bone in names]
+        drawn.bodyname = [f"bone{number}_{bone}" for bone in names]
+        drawn.bindpos = np.concatenate([origins[bone] for bone in names]).tolist()
+        quaternions = [quaternion_of_matrix(turns[bone]) for bone in names]
         drawn.bindquat = np.concatenate(quaternions).tolist()
         drawn.vertid, drawn.vertweight = ids, weights
 
@@ -169,6 +201,9 @@ class SceneDrawing:
                 skin = self._skins[number]
                 tip = pose.origins[-1] + pose.rotations[-1] @ geometry.tip_offset
                 seen = [pose.origins, tip[None]]
+                if self.scene.arms[number].chain.payload_kg > 0:
+                    radius, thread = self._hung(number)
+                    seen.append(tip + (SIGNS * radius - [0.0, 0.0, thread + radius]) @ self._upright.T)
                 if skin is not None:
                     seen.append(skin.posed(self._straight[number], pose)[::7])
                     middle, half = _mount(

@@ -1,8 +1,9 @@
-"""One smooth surface per arm: halves of modules are bent across their joints by linear blend skinning.
+"""One smooth surface per arm: halves of modules are bent along an arc from body to body across their joint.
 
-A half that ends at a joint moves with its own body and, the nearer to the joint, the more with the body on the
-joint's other side: half and half at the joint, not at all at the half's far end. Shapes that say they are rigid
-keep their form. Only pictures need it; engines know rigid bodies.
+Blending two bodies linearly would pin the surface at each joint and kink it between joints: a flat strip comes out
+scalloped. So a joint has `KNOTS` frames on the screw motion from one body to the next, an arc of constant curvature
+for a revolute joint, and a vertex follows the two that are nearest. Shapes that say they are rigid keep their form.
+Only pictures need it; engines know rigid bodies.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from pliant.mechanics.kinematics import ChainGeometry, Pose
+from pliant.mechanics.rotations import exp_map, left_jacobian, log_map
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
@@ -20,6 +23,7 @@ from pliant.records.shape import Shape, TriangleMesh
 AT_JOINT = 0.02  # of a half's length: closer than this, it ends at the joint
 WELD_M = 1e-7
 SLENDER = 0.02  # radius of a chain that has no shapes, of its length
+KNOTS = 8  # steps of the arc across a joint
 SIDES = 40  # of a drawn cylinder
 CREASE_COSINE = np.cos(np.radians(35.0))
 
@@ -31,23 +35,56 @@ class Skin:
     Attributes:
         rest: vertices (v, 3) and faces of the straight chain, in the world.
         body: (v,) the proximal of the two bodies that a vertex follows; the other is the next one.
-        share: (v,) of the next body, 0 to 1.
+        share: (v,) of the way to the next body, 0 to 1.
+        ends_m: (n, 2) where the arc across each joint begins and ends, along x from the origins of its two bodies.
     """
 
     rest: TriangleMesh
     body: NDArray[np.int64]
     share: Array
+    ends_m: Array
+
+    def bones(self, pose: Pose) -> tuple[Array, Array]:
+        """Origins (b, 3) and rotations (b, 3, 3) of the frames that carry the surface; `KNOTS` of each joint, then the
+        last body.
+        """
+        along = pose.rotations[:, :, 0]
+        first = pose.origins[:-1] + self.ends_m[:, :1] * along[:-1]
+        last = pose.origins[1:] + self.ends_m[:, 1:] * along[1:]
+        turn = log_map(np.einsum("nji,njk->nik", pose.rotations[:-1], pose.rotations[1:]))
+        way = np.einsum("nji,nj->ni", pose.rotations[:-1], last - first)
+        velocity = np.linalg.solve(left_jacobian(turn), way[..., None])[..., 0]
+        share = (np.arange(KNOTS) / KNOTS)[:, None]
+        origins, rotations = [], []
+        for joint in range(len(turn)):
+            angle, base = share * turn[joint], pose.rotations[joint]
+            moved = np.einsum("kij,kj->ki", left_jacobian(angle), share * velocity[joint])
+            origins.append(first[joint] + moved @ base.T)
+            rotations.append(base @ exp_map(angle))
+        return (
+            np.concatenate([*origins, pose.origins[-1:] + self._tail_m * along[-1:]]),
+            np.concatenate([*rotations, pose.rotations[-1:]]),
+        )
+
+    def followed(self) -> tuple[NDArray[np.int64], Array]:
+        """(v,) the first of the two neighbouring bones that each vertex follows, and the weight of the second."""
+        whole = self.body * KNOTS + self.share * KNOTS
+        bone = np.minimum(np.floor(whole + 1e-9).astype(np.int64), KNOTS * len(self.ends_m))
+        return bone, np.clip(whole - bone, 0.0, 1.0)
 
     def posed(self, straight: Pose, pose: Pose) -> Array:
         """(v, 3) vertices at a pose of the chain."""
-        last = len(straight.origins) - 1
+        (rest, rest_turn), (there, turn) = self.bones(straight), self.bones(pose)
+        bone, weight = self.followed()
         moved = []
-        for body in (self.body, np.minimum(self.body + 1, last)):
-            turn = np.einsum("bij,bkj->bik", pose.rotations, straight.rotations)[body]
-            arm = self.rest.vertices_m - straight.origins[body]
-            moved.append(np.einsum("vij,vj->vi", turn, arm) + pose.origins[body])
-        share = self.share[:, None]
-        return np.asarray((1.0 - share) * moved[0] + share * moved[1])
+        for own in (bone, np.minimum(bone + 1, len(rest) - 1)):
+            turned = np.einsum("bij,bkj->bik", turn, rest_turn)[own]
+            moved.append(np.einsum("vij,vj->vi", turned, self.rest.vertices_m - rest[own]) + there[own])
+        return np.asarray((1.0 - weight[:, None]) * moved[0] + weight[:, None] * moved[1])
+
+    @property
+    def _tail_m(self) -> float:
+        return float(self.ends_m[-1, 1]) if len(self.ends_m) else 0.0
 
 
 def skin_of(chain: ChainModel) -> Skin | None:
@@ -68,7 +105,17 @@ def skin_of(chain: ChainModel) -> Skin | None:
     whole = parts[0]
     for part in parts[1:]:
         whole = whole.joined(part)
-    return _creased(_welded(Skin(whole, np.concatenate(bodies), np.concatenate(shares))))
+    skin = Skin(whole, np.concatenate(bodies), np.concatenate(shares), _ends(chain))
+    return _creased(_welded(skin))
+
+
+def _ends(chain: ChainModel) -> Array:
+    """(n, 2) from the bodies' origins: half a body before and after each joint, the whole first and last body."""
+    lengths = [joint.offset_m[0] for joint in chain.joints] + [chain.tip_offset_m[0]]
+    last = len(lengths) - 1
+    begins = [0.5 * lengths[k] if k else 0.0 for k in range(last)]
+    ends = [0.5 * lengths[k + 1] if k + 1 < last else lengths[last] for k in range(last)]
+    return np.stack([begins, ends], axis=1).reshape(-1, 2)
 
 
 def dressed(chain: ChainModel) -> ChainModel:
@@ -149,7 +196,9 @@ def _welded(skin: Skin) -> Skin:
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     _, which, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     faces = faces[count[which.ravel()] == 1]
-    return Skin(TriangleMesh(skin.rest.vertices_m[first], faces), skin.body[first], skin.share[first])
+    return Skin(
+        TriangleMesh(skin.rest.vertices_m[first], faces), skin.body[first], skin.share[first], skin.ends_m
+    )
 
 
 def _creased(skin: Skin) -> Skin:
@@ -163,16 +212,11 @@ def _creased(skin: Skin) -> Skin:
     source = list(range(len(skin.body)))
     for vertex in range(len(skin.body)):
         corners_here = order[starts[vertex] : starts[vertex + 1]]
-        groups: list[tuple[Array, int]] = []
-        for corner in corners_here.tolist():
-            own = normal[corner // 3]
-            found = next((name for seed, name in groups if seed @ own > CREASE_COSINE), None)
-            if found is None:
-                found = vertex if not groups else len(source)
-                if groups:
-                    source.append(vertex)
-                groups.append((own, found))
-            faces[corner] = found
+        own = normal[corners_here // 3]
+        _, group = connected_components(own @ own.T > CREASE_COSINE, directed=False)
+        for number in range(1, int(group.max(initial=0)) + 1):
+            faces[corners_here[group == number]] = len(source)
+            source.append(vertex)
     take = np.array(source)
     mesh = TriangleMesh(skin.rest.vertices_m[take], faces.reshape(-1, 3))
-    return Skin(mesh, skin.body[take], skin.share[take])
+    return Skin(mesh, skin.body[take], skin.share[take], skin.ends_m)

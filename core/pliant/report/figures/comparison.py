@@ -229,16 +229,31 @@ def _places(panel: Any, compared: Compared, item: Covariate, output: str, residu
     dots = {"marker": ".", "ms": 2.2, "color": style.FAINT, "zorder": 1, "mew": 0}
     panel.plot(values[pick] + spread, residual[pick], ls="", **dots)
     panel.axhline(0, color=style.SERIES[0], lw=1.2, zorder=2)
-    _means(panel, x, places, output)
+    ends = style.robust_ends(values[known]) if item.numeric else None
+    _means(panel, x, places, output, ends)
+    if ends is not None:
+        style.cut_at(panel, ends, values[known])
 
 
-def _means(panel: Any, x: Any, places: Sequence[Place], output: str) -> None:
+def _means(
+    panel: Any, x: Any, places: Sequence[Place], output: str, ends: tuple[float, float] | None = None
+) -> None:
+    """Means with their intervals; what lies beyond the panel's ends stands at them, as a triangle."""
     entries, factor = [place.outputs[output] for place in places], unit_of(output).factor
     mean = np.array([e.mean for e in entries]) * factor
     low, high = np.array([e.interval for e in entries]).reshape(-1, 2).T * factor
+    marks = ["o"] * len(entries)
+    if ends is not None:
+        marks = ["<" if value < ends[0] else ">" if value > ends[1] else "o" for value in x]
+        x = np.clip(x, *ends)
     for k, entry in enumerate(entries):
         colour = style.WARN if entry.significant else style.INK
-        look = {"marker": "o", "ms": 6.5, "mfc": colour if entry.significant else "white", "capsize": 3}
+        look = {
+            "marker": marks[k],
+            "ms": 6.5,
+            "mfc": colour if entry.significant else "white",
+            "capsize": 3,
+        }
         bar = [[mean[k] - low[k]], [high[k] - mean[k]]]
         panel.errorbar(x[k], mean[k], bar, color=colour, lw=1.4, zorder=5, **look)
     if np.isfinite(places[0].centre if places else np.nan):

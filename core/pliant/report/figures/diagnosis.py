@@ -213,6 +213,8 @@ def repeats(diagnosed: Diagnosed, output: str) -> style.Png | None:
         axes = figure.subplots(1, len(found), squeeze=False, sharey=True)[0]
         for panel, (group, values) in zip(axes, found, strict=True):
             _scatter(panel, diagnosed, group, values, output)
+        low, high = axes[0].get_ylim()
+        axes[0].set_ylim(low, high + 0.16 * (high - low))  # the names stand above the lines
         axes[0].set_ylabel(style.with_unit("less their mean", unit_of(output)))
         return style.png(figure)
 

@@ -1,4 +1,4 @@
-"""The error falling step by step on runs that were never fitted, down to the floor, with the reason for each step."""
+"""The error falling step by step on runs that were never fitted, down to the floor."""
 
 from __future__ import annotations
 
@@ -13,34 +13,18 @@ from pliant.formatting import number, unit_of
 from pliant.report.figures import style
 
 MOST_OUTPUTS = 2
-WIDTH_PX, TEXT_PX = 1770, 760
-LINE_PX, CHARACTERS = 27, 66
-SMALLEST_PX = 620
+HEIGHT_PX, WIDEST_PX = 600, 1770
+STEP_PX, MARGIN_PX, SMALLEST_PX, NARROWEST_PX = 200, 160, 880, 1400
 
 
-def error_steps(found: Improvement, reasons: Sequence[str]) -> style.Png:
-    """A panel per output, the farthest above its floor first; beside them `reasons`, one per step."""
+def error_steps(found: Improvement) -> style.Png:
+    """A panel per output, the farthest above its floor first: a staircase with short labels."""
     first = found.steps[0].locked.rmse
     outputs = sorted(first, key=lambda name: -first[name] / found.floors[name].value)[:MOST_OUTPUTS]
-    texts = []
-    for place, (step, reason) in enumerate(zip(found.steps, reasons, strict=True), start=1):
-        head = f"{place}  {f'+ {step.named}' if step.named else 'as it was'}"
-        texts.append([head, *textwrap.wrap(reason, CHARACTERS)])
-    texts.append(["Why it stops here", *textwrap.wrap(found.reason, CHARACTERS)])
-    height = max(SMALLEST_PX, LINE_PX * sum(len(text) + 1 for text in texts) + 60)
-    with style.canvas(WIDTH_PX, height, pad=None) as figure:
-        share = TEXT_PX / WIDTH_PX
-        sides = {"left": 0.055, "right": 1 - share - 0.02, "bottom": 100 / height, "top": 1 - 70 / height}
-        grid = figure.add_gridspec(1, len(outputs), wspace=0.3, **sides)
-        for k, name in enumerate(outputs):
-            _panel(figure.add_subplot(grid[0, k]), found, name)
-        y = 1 - 64 / height
-        for text in texts:
-            for k, line in enumerate(text):
-                weight = "normal" if k else "bold"
-                figure.text(1 - share + 0.005, y, line, fontsize=9.2, va="top", weight=weight)
-                y -= LINE_PX / height
-            y -= LINE_PX / height
+    width = max(SMALLEST_PX, STEP_PX * len(found.steps) + MARGIN_PX) * len(outputs)
+    with style.canvas(min(max(width, NARROWEST_PX), WIDEST_PX), HEIGHT_PX) as figure:
+        for panel, name in zip(style.panels(figure, len(outputs), len(outputs)), outputs, strict=True):
+            _panel(panel, found, name)
         return style.png(figure)
 
 
@@ -56,9 +40,11 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
     axes.plot(ends, [level, level], color=style.SOFT, ls="--", lw=1.2)
     look: dict[str, Any] = {"ha": "right", "va": "top", "color": style.SOFT}
     style.note(axes, f"noise floor {words.text(floor.value, 2)}", (ends[1], level), (-4, -5), **look)
+    treads = [ends[0], *(places[:-1] + 0.5), ends[1]]
+    axes.stairs(locked, treads, baseline=None, color=style.SERIES[0], alpha=0.35, lw=2.2)
     axes.plot(places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training runs, left out in turn")
     label = "runs put aside at the start" if found.locked.runs else found.scored_on
-    look = {"fmt": "o-", "color": style.SERIES[0], "ms": 8, "lw": 2.2, "capsize": 4}
+    look = {"fmt": "o", "color": style.SERIES[0], "ms": 8, "lw": 2.2, "capsize": 4}
     axes.errorbar(places, locked, yerr=locked * share, label=label, **look)
     for x, value in zip(places, locked, strict=True):
         look = {"fontsize": 9.5, "weight": "bold", "color": style.SERIES[0]}

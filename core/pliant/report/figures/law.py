@@ -116,7 +116,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     axes.set(xlabel=f"{_symbol(design.law)} $u$ ({u_unit.symbol})", ylabel="% of effort range")
     name, of = "Study's form − state" if of_study else "Law − state", ""
     if check.any():
-        worst, of = float(np.abs(missed[check]).max()), " of those left out"
+        worst, of = float(np.abs(missed[check]).max()), " left out"
     axes.set_title(f"{name}, worst {percent(worst / 100)}{of}")
 
 

@@ -162,6 +162,37 @@ def one_height(axes: Sequence[Any]) -> None:
         one.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
+OUTER, FAR_OUT = 0.05, 4.0
+
+
+def robust_ends(values: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Ends of an axis where a few values are so far out that they would squeeze all others; None where none are.
+
+    Far out: the whole range is more than `FAR_OUT` times that without `OUTER` of the values at each end.
+    """
+    if not len(values):
+        return None
+    low, high = (float(end) for end in np.quantile(values, [OUTER, 1 - OUTER]))
+    first, last, span = float(values.min()), float(values.max()), high - low
+    if not 0 < FAR_OUT * span < last - first:
+        return None
+    return max(first, low - 0.25 * span), min(last, high + 0.25 * span)
+
+
+def cut_at(axes: Any, ends: tuple[float, float], values: NDArray[np.float64]) -> None:
+    """Cut an axis of x at these ends, and write at an end how many values lie beyond and how far they go."""
+    margin = 0.04 * (ends[1] - ends[0])
+    axes.set_xlim(ends[0] - margin, ends[1] + margin)
+    below, above = values[values < ends[0]], values[values > ends[1]]
+    if len(below):
+        text = f"◂ {len(below)} beyond, to {number(float(below.min()), 3)}"
+        note(axes, text, (0, 1), (2, -9), xycoords="axes fraction", fontsize=7.5, color=SOFT)
+    if len(above):
+        text = f"{len(above)} beyond, to {number(float(above.max()), 3)} ▸"
+        look = {"xycoords": "axes fraction", "fontsize": 7.5, "color": SOFT, "ha": "right"}
+        note(axes, text, (1, 1), (-2, -9), **look)
+
+
 def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Any]:
     """So many panels in rows of at most `columns`; places that are left stay empty."""
     columns = min(columns, count)

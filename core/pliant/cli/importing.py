@@ -1,0 +1,39 @@
+"""`pliant import`: how a recording is understood, and a study around it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pliant import api
+from pliant.cli.evidence import report_folder
+from pliant.cli.options import check_target, verb
+from pliant.cli.session import Session, check_writable
+from pliant.measurements.block import files_and_notes
+from pliant.measurements.study_file import write_study
+
+FILES = typer.Argument(metavar="FILE... [KEY=VALUE]...", help="The recording, and notes: rate='25 Hz'.")
+
+
+@verb(store=False)
+def import_(
+    here: Session,
+    files: Annotated[list[str], FILES],
+    study: Annotated[Path | None, typer.Option(metavar="BASE.yaml", help="What --out extends.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="NEW.yaml", help="Write a study with it.")] = None,
+    report: Annotated[Path | None, report_folder("import", "--report")] = None,
+) -> None:
+    """How a recording is understood, doubts first, and the `measurements` block or a study that reads it."""
+    paths, notes = files_and_notes(files)
+    if out is not None:
+        check_target(study, out)
+    measurement, document = api.read(paths, notes)
+    folder = report or Path("runs") / f"{Path(paths[0]).stem}-import"
+    check_writable(folder)
+    here.show(document, folder)
+    if out is not None:
+        write_study(out, measurement, document.data["measurements"], study, here.installed)
+        here.result["study"] = str(out)
+        here.say(f"study    {out}")

@@ -1,0 +1,106 @@
+"""The `measurements` block that reads the same files again, with the lines that doubts and refusals ask for."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from pliant.config.loading import with_override
+from pliant.config.measurements import MeasurementNotes
+from pliant.config.writing import as_node, yaml_writer
+from pliant.errors import UserError
+
+# A line of notes as sentences quote it: 'units: {angle_rad: deg}', 'restarts: new run', 'decimal: ","'.
+QUOTED = re.compile(r"'(\w+: [^'\n]+)'")
+TO_CHOOSE = "take the '# ' away before a line that is true"
+
+
+def advised(sentences: Iterable[str]) -> list[dict[str, Any]]:
+    """The lines of notes that sentences of the reader quote, each once and in their order."""
+    found: list[dict[str, Any]] = []
+    for text in (match[1] for sentence in sentences for match in QUOTED.finditer(sentence)):
+        key = text.partition(":")[0]
+        line = YAML(typ="safe").load(text) if key in MeasurementNotes.model_fields else None
+        if line and line not in found:
+            found.append(line)
+    return found
+
+
+def asked(error: UserError, block: Mapping[str, Any]) -> UserError:
+    """The error with the block that reads the files once one of the lines that it quotes was chosen.
+
+    It stays as it is where it quotes none, or ends in notes to paste itself.
+    """
+    text = str(error)
+    if any(line.removesuffix(":") in MeasurementNotes.model_fields for line in text.splitlines()):
+        return error
+    choices = advised([text])
+    return UserError(f"{text}\n\n{block_text(block, choices)}") if choices else error
+
+
+def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = ()) -> str:
+    """The block as YAML; each of the choices stands in it as a comment, to be taken by deleting its "# ".
+
+    Args:
+        block: keys of `measurements`, `file` first.
+        choices: lines of notes that may be true, as `advised` gives them.
+    """
+    if not block and not choices:  # a frame of which nothing is stated
+        return ""
+    lines = ["measurements:", *(f"  {line}" for key in block for line in _lines(key, block, choices))]
+    for key in dict.fromkeys(key for choice in choices for key in choice if key not in block):
+        lines += [f"  # {line}" for line in _lines(key, {}, choices)]
+    if choices:
+        lines[0] += f"  # {TO_CHOOSE}"
+    return "\n".join(lines) + "\n"
+
+
+def _lines(key: str, block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]]) -> list[str]:
+    """One key with the choices that concern it: as comments where the block has it, else as they are."""
+    offered = [choice[key] for choice in choices if key in choice and choice[key] != block.get(key)]
+    inner = [value for value in offered if isinstance(value, Mapping)]
+    lines = _dumped({key: block[key]}) if key in block else [f"{key}:"] if inner else []
+    comment = "# " if key in block else ""
+    for value in inner:
+        lines += [f"  {comment}{line}" for line in _dumped(value)]
+    return lines + [
+        f"{comment}{line}" for value in offered if value not in inner for line in _dumped({key: value})
+    ]
+
+
+def _dumped(values: Mapping[str, Any]) -> list[str]:
+    stream = io.StringIO()
+    yaml_writer().dump(as_node(values), stream)
+    return stream.getvalue().splitlines()
+
+
+def files_and_notes(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
+    """Arguments of a command: files, and "key=value" texts as notes on them (``units.angle_rad=deg``).
+
+    Raises `UserError` where no file is named.
+    """
+    keys = MeasurementNotes.model_fields
+    stated = [one for one in arguments if re.split(r"[.=]", one)[0] in keys and "=" in one]
+    files = [one for one in arguments if one not in stated]
+    if not files:
+        raise UserError("name the recording: pliant import bench.csv; several files are runs in their order.")
+    study: dict[str, Any] = {}
+    for one in stated:
+        study = with_override(study, f"measurements.{one}")
+    return files, study.get("measurements", {})
+
+
+def with_files(block: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
+    """The block with its files as seen from a folder, or absolute; one file stands alone."""
+    files = [block["file"]] if isinstance(block["file"], str) else list(block["file"])
+    paths = [
+        os.path.relpath(file, folder).replace(os.sep, "/") if folder else str(Path(file).absolute())
+        for file in files
+    ]
+    return {**block, "file": paths[0] if len(paths) == 1 else paths}

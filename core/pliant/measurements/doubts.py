@@ -1,0 +1,192 @@
+"""What readings themselves make one doubt: absolute pressure, a zero that is off, sensors that saturate or freeze.
+
+Each is gated so that a healthy bench raises none: it holds pressure, its sensors are quantised, its specimens creep,
+stick and wait.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from pliant.formatting import number
+from pliant.measurements.columns import unit_of
+from pliant.measurements.plausible import as_key
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.records.measurement import Doubt, MeasuredRun
+from pliant.tabular.schema import FileColumn
+
+ATMOSPHERE_PA = (98e3, 104.5e3)  # in which an absolute sensor begins on a bench
+BELOW_PA = 3e3  # that it may fall below its begin
+MOVES = 0.02  # of its first value: a pressure that moves
+IDLE = 0.01  # of the range of an input: it is zero
+OFF, ALIKE = 0.2, 0.05  # of an output's range: a zero that is off, and how little runs differ in it
+STRETCH, SHARE = 8, 0.08  # samples, and share of the run, that stand still
+FINE = 0.02  # of the range: the step of a sensor that is not coarse
+EXCURSION = 0.1  # of its range that something else goes away and comes back meanwhile
+BACK = 0.35  # of the excursion by which it may miss where it began
+TRAVEL = 0.25  # of its range that the input travels while a sensor stands still
+JUMP, TIMES = 0.05, 5.0  # of the range, and of the usual step, by which a frozen sensor goes on
+FROM_ZERO = re.compile(r"angle_rad|joint_\d+_angle_rad|elongation_strain")
+
+
+def sensor_doubts(runs: Sequence[MeasuredRun], columns: Mapping[str, FileColumn], notes: str) -> list[Doubt]:
+    """Doubts of readings and inputs.
+
+    Args:
+        runs: as read, SI.
+        columns: those of the file by Pliant's name; others (of another logger, of the file's name) are not judged.
+        notes: where the user writes what the file does not say.
+    """
+    doubts: list[Doubt] = []
+    for name in runs[0].history.actuation:
+        if name in columns and unit_of(name) == "Pa":
+            doubts += _absolute(runs, columns[name], notes)
+    if not doubts:  # an absolute pressure is never zero
+        doubts += [
+            d for name in runs[0].outputs if name in columns for d in _zero(runs, columns[name], notes)
+        ]
+    for name in (*runs[0].history.actuation, *runs[0].outputs):
+        if name in columns:
+            doubts += _still(runs, name, columns[name], notes)
+    return doubts
+
+
+def _quantity(value: float, column: FileColumn) -> str:
+    unit = column.in_unit or column.unit
+    return f"{number((value - column.shift) / column.scale if column.scale else value, 5)} {unit}"
+
+
+def _absolute(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
+    values = [run.history.actuation[column.name] for run in runs if len(run)]
+    begin = float(values[0][0])
+    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+    if (
+        not ATMOSPHERE_PA[0] <= begin <= ATMOSPHERE_PA[1]
+        or low < begin - BELOW_PA
+        or high < (1 + MOVES) * begin
+    ):
+        return []
+    value = _quantity(begin, column)
+    return [
+        Doubt(
+            column.written,
+            "zero",
+            f"{column.written} begins at {value} and never falls far below: is it absolute? Then write "
+            f"'zero: {{{as_key(column.written)}: {value}}}' into {notes}. Nothing was changed.",
+        )
+    ]
+
+
+def _zero(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
+    name = column.name
+    if not FROM_ZERO.fullmatch(name):
+        return []
+    highest = {
+        i: max(np.abs(run.history.actuation[i]).max() for run in runs) for i in runs[0].history.actuation
+    }
+    readings = [run.outputs[name] for run in runs]
+    if not any(np.isfinite(r).any() for r in readings):
+        return []
+    span = max(float(np.nanmax(r)) for r in readings) - min(
+        float(np.nanmin(r)) for r in readings if np.isfinite(r).any()
+    )
+    begins = []
+    for run in runs:
+        history = run.history
+        rest = all(np.abs(v[0]) <= IDLE * highest[i] for i, v in history.actuation.items())
+        if rest and _unloaded(history) and np.isfinite(run.outputs[name][0]):
+            begins.append(float(run.outputs[name][0]))
+    if not begins or span == 0 or np.ptp(begins) > ALIKE * span or min(map(abs, begins)) < OFF * span:
+        return []
+    value = _quantity(float(np.median(begins)), column)
+    return [
+        Doubt(
+            column.written,
+            "zero",
+            f"{column.written} begins at {value} where every input is zero: if that is the sensor's zero, write "
+            f"'zero: {{{as_key(column.written)}: {value}}}' into {notes}. Nothing was changed.",
+        )
+    ]
+
+
+def _unloaded(history: History) -> bool:
+    """Whether a run begins without anything that bends it by itself."""
+    return (
+        not history.tip_force_n[0].any()
+        and not history.moment_n_m[0]
+        and not history.base_angles_rad[0].any()
+        and (history.payload_kg is None or not history.payload_kg[0])
+    )
+
+
+def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: str) -> list[Doubt]:
+    """A sensor that saturates at its largest value, or that freezes, in the first run where one sees it."""
+    is_input = name in runs[0].history.actuation
+    if is_input and len(runs[0].history.actuation) > 1:
+        return []  # the other inputs move the outputs
+    values = [run.history.actuation[name] if is_input else run.outputs[name] for run in runs]
+    there = np.concatenate([v[np.isfinite(v)] for v in values])
+    if there.size < 2 * STRETCH or not np.ptp(there):
+        return []
+    top, span = float(there.max()), float(np.ptp(there))
+    if np.diff(np.unique(there)).min() > FINE * span:
+        return []
+    for run, own in zip(runs, values, strict=True):
+        others = run.outputs if is_input else run.history.actuation
+        for start, end in _stretches(own):
+            if not len(run.lines) or end - start < SHARE * len(own) or not _alike(run.history, start, end):
+                continue
+            if own[start] == top and any(_comes_back(v, start, end) for v in others.values()):
+                kind, what = "saturated", "stands at its largest value,"
+            elif not is_input and own[start] != top and _freezes(own, span, start, end, others):
+                kind, what = "frozen", "reads exactly"
+            else:
+                continue
+            first, last = run.lines[start], run.lines[end - 1]
+            text = (
+                f"{column.written} {what} {_quantity(float(own[start]), column)}, from line {first} to {last}, while "
+                f"the rest moves on: if it is {kind}, write 'exclude: [{{run: {run.name}, lines: [{first}, {last}]}}]' "
+                f"into {notes}. Nothing was changed."
+            )
+            return [Doubt(column.written, kind, text)]
+    return []
+
+
+def _stretches(values: Array) -> list[tuple[int, int]]:
+    """Begin and end of each succession of equal values."""
+    cuts = np.flatnonzero(np.diff(values) != 0) + 1  # NaN differs from everything
+    ends = [0, *cuts.tolist(), len(values)]
+    return [(a, b) for a, b in pairwise(ends) if b - a >= STRETCH]
+
+
+def _alike(history: History, start: int, end: int) -> bool:
+    """Whether loads and conditions stand still over a stretch."""
+    held = [*history.tip_force_n.T, history.moment_n_m, *history.base_angles_rad.T]
+    held += [v for v in (history.payload_kg, history.valve_open) if v is not None]
+    return all(np.ptp(v[start:end]) == 0 for v in held)
+
+
+def _comes_back(values: Array, start: int, end: int) -> bool:
+    """Whether something goes away in the middle of a stretch and comes back to where it was at its begin."""
+    inside = values[start:end]
+    whole = values[np.isfinite(values)]
+    if not np.isfinite(inside).all() or not whole.size or not np.ptp(whole):
+        return False
+    away = float(np.max(inside[1:-1]) - max(inside[0], inside[-1]))
+    return away > EXCURSION * float(np.ptp(whole)) and abs(inside[0] - inside[-1]) < BACK * away
+
+
+def _freezes(own: Array, span: float, start: int, end: int, inputs: Mapping[str, Array]) -> bool:
+    """Whether a reading stands still while the input travels, and then jumps to where it should be."""
+    if start == 0 or end == len(own) or not np.isfinite(own[end]):
+        return False
+    travels = any(np.ptp(v) and np.ptp(v[start:end]) > TRAVEL * np.ptp(v) for v in inputs.values())
+    moves = np.abs(np.diff(own[np.isfinite(own)]))
+    usual = float(np.median(moves[moves > 0])) if (moves > 0).any() else 0.0
+    jump = abs(float(own[end] - own[end - 1]))
+    return travels and jump > max(JUMP * span, TIMES * usual)

@@ -1,0 +1,194 @@
+"""Columns that do not stand in the file itself: what its name says, and what another logger recorded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pliant.config.measurements import JoinedFile, MeasurementNotes
+from pliant.errors import UserError, closest
+from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match
+from pliant.measurements.gathering import Gatherer
+from pliant.measurements.notes import notes_of
+from pliant.records.design import Array
+from pliant.tabular.cells import Cells, Marks, number_in
+from pliant.tabular.opening import open_sheet
+from pliant.tabular.schema import FileColumn
+
+FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
+MOST_ROWS = 20_000_000  # of a joined file
+AT_ITS_ENDS = 1e-9  # of its span by which a time may miss it: clocks are written with few digits
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """Columns with their values: constants from the file's name, and curves over the clock.
+
+    Attributes:
+        texts: run and specimen, where the name says them.
+        columns: of numbers, SI.
+        constants: value of each of the first columns.
+        joined: what gives the others.
+        remarks: sentences on both.
+    """
+
+    texts: dict[str, str] = field(default_factory=dict)
+    columns: tuple[FileColumn, ...] = ()
+    constants: tuple[float, ...] = ()
+    joined: Joined | None = None
+    remarks: tuple[str, ...] = ()
+
+    def values(self, times: Array | None, runs: Cells) -> list[Array]:
+        """(n,) of each column at the times of some rows, SI; NaN outside the span of the joined file."""
+        constants = [np.full(len(runs), value) for value in self.constants]
+        return constants + (
+            self.joined.at(times, runs) if self.joined is not None and times is not None else []
+        )
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Inputs and conditions of another logger: per run, the times on this file's clock and (n,) each column."""
+
+    name: str
+    runs: dict[str, tuple[Array, tuple[Array, ...]]]
+    width: int
+
+    def at(self, times: Array, runs: Cells) -> list[Array]:
+        """(n,) of each column at some times."""
+        found = np.full((self.width, len(times)), np.nan)
+        alone = next(iter(self.runs)) if len(self.runs) == 1 else None
+        names = np.array(runs, object)
+        for run in dict.fromkeys(runs):
+            clock, columns = self.runs.get(alone if alone is not None else run.strip(), (None, ()))
+            if clock is None:
+                continue
+            rows = names == run
+            reach = AT_ITS_ENDS * max(float(np.ptp(clock)), 1.0)
+            inside = (times >= clock[0] - reach) & (times <= clock[-1] + reach)
+            for k, values in enumerate(columns):
+                found[k] = np.where(rows & inside, np.interp(times, clock, values), found[k])
+        return list(found)
+
+
+def elsewhere(
+    path: Path, notes: MeasurementNotes, notes_name: str, actuation: Sequence[str] | None, own: Container[str]
+) -> Elsewhere:
+    """What the notes' `name_pattern` and `join` say; columns that the file has itself come first.
+
+    Args:
+        path: the file that is read.
+        notes: on it.
+        notes_name: where they stand, for messages.
+        actuation: names of the chain's inputs.
+        own: Pliant's names of the file's own columns.
+
+    Raises `UserError` for a name that the pattern does not fit, or a file that cannot be joined.
+    """
+    texts: dict[str, str] = {}
+    constants: dict[FileColumn, float] = {}
+    remarks: list[str] = []
+    if notes.name_pattern is not None:
+        found = _in_name(path, notes.name_pattern, notes_name)
+        if found is None and "run" not in own:
+            raise UserError(
+                f"{path}: its name does not fit 'name_pattern: {notes.name_pattern}' in {notes_name}."
+            )
+        if found is None:
+            remarks.append("The file's name does not fit 'name_pattern': its own columns are taken.")
+        for written, text in (found or {}).items():
+            column, value = _of_name(path, written, text, notes_name, actuation)
+            if column.name in own:
+                remarks.append(f"{column.name} stands in the file, so its name is not asked for it.")
+            elif value is None:
+                texts[column.name] = text
+            else:
+                constants[column] = value
+        said = [f"{name} '{text}'" for name, text in texts.items()]
+        said += [f"{column.name} {value:g}" for column, value in constants.items()]
+        remarks += [f"The file's name says {', '.join(said)}."] if said else []
+    joined, columns = None, [*constants]
+    if notes.join is not None and actuation and all(name in own for name in actuation):
+        remarks.append(f"The file has all inputs itself: {notes.join.file} is not joined.")
+    elif notes.join is not None:
+        if "time_s" not in own:
+            raise UserError(f"{path}: 'join' needs a column time_s, to know when each row was recorded.")
+        joined, more, remark = _joined(path, notes.join, actuation, own)
+        columns += more
+        remarks.append(remark)
+    return Elsewhere(texts, tuple(columns), tuple(constants.values()), joined, tuple(remarks))
+
+
+def _of_name(
+    path: Path, written: str, text: str, notes_name: str, actuation: Sequence[str] | None
+) -> tuple[FileColumn, float | None]:
+    """The column that a part of a file's name is, and its number in SI; None of a text."""
+    column = MEASUREMENT.column_of(written, written, None, frozenset(actuation or ()))
+    if column is None:
+        raise UserError(
+            f"{notes_name}: 'name_pattern' has '{{{written}}}', which is not a column of a measurement"
+            f"{closest(written, EXAMPLES)} Use * for a part that says nothing."
+        )
+    if column.role == "text":
+        return column, None
+    value = number_in(text, Marks(comma=True))
+    if value is None:
+        raise UserError(f"{path}: '{text}' in the file's name stands for {written} and is not a number.")
+    made = FileColumn("the file's name", column.name, column.role, column.unit, in_unit=column.in_unit)
+    return made, column.scale * value + column.shift
+
+
+def _in_name(path: Path, pattern: str, notes_name: str) -> dict[str, str] | None:
+    """The parts of a file's name that a pattern has names for; None where it does not fit."""
+    names = FIELD.findall(pattern)
+    if not names or len(set(names)) < len(names):
+        raise UserError(
+            f"{notes_name}: 'name_pattern' needs names in braces, each once: finger_{{payload_g}}g_{{run}}."
+        )
+    parts = FIELD.split(pattern)
+    texts = [re.escape(text).replace(r"\*", ".*?") for text in parts[::2]]
+    fields = [f"(?P<{name}>.+?)" for name in parts[1::2]] + [""]
+    found = re.fullmatch("".join(a + b for a, b in zip(texts, fields, strict=True)), path.stem)
+    return None if found is None else found.groupdict()
+
+
+def _joined(
+    path: Path, join: JoinedFile, actuation: Sequence[str] | None, own: Container[str]
+) -> tuple[Joined, list[FileColumn], str]:
+    other = path.parent / join.file
+    notes, notes_name = notes_of(other, None)
+    with open_sheet(other, MEASUREMENT.example, notes, notes_name) as sheet:
+        found = match(sheet, notes, notes_name, frozenset(actuation or ()))
+        clock = found.get("time_s")
+        used = [c for c in found.values() if c.role in ("input", "condition") and c.name not in own]
+        used = [c for c in used if c.role == "condition" or actuation is None or c.name in actuation]
+        if clock is None or not used:
+            lacks = "no column time_s" if clock is None else "none"
+            raise UserError(
+                f"{other}: a file that is joined has time_s, and inputs or conditions that {path.name} lacks; it has "
+                f"{lacks} (its columns: {', '.join(filter(None, sheet.header))})."
+            )
+        gatherer = Gatherer((clock, *used), sheet.problems, MOST_ROWS)
+        places = {name: i for i, name in enumerate(sheet.header)}
+        for block in sheet.blocks():
+            numbers = [column.values(block, places[column.written]) for column in (clock, *used)]
+            alone = (other.stem,) * len(block.lines)
+            runs = block.texts(places[found["run"].written]) if "run" in found else alone
+            gatherer.add(np.column_stack(numbers), block.lines, runs, None)
+        gatherer.finish()
+    sheet.problems.raise_if_any()
+    tables = {rows.name: np.concatenate(rows.parts) for rows in gatherer.runs if rows.kept}
+    runs_of = {name: (t[:, 0] + join.shift_s, tuple(t.T[1:-1])) for name, t in tables.items()}
+    if not runs_of:
+        raise UserError(f"{other}: {gatherer.no_rows()}")
+    columns = [FileColumn(other.name, c.name, c.role, c.unit, in_unit=c.in_unit) for c in used]
+    shift = f", its clock shifted by {join.shift_s:g} s" if join.shift_s else ""
+    remark = (
+        f"{', '.join(c.name for c in columns)} from {other.name}{shift}: straight lines at this file's times, nothing "
+        "outside its span."
+    )
+    return Joined(other.name, runs_of, len(used)), columns, remark

@@ -1,0 +1,136 @@
+"""Files as people name them: one, several, a pattern, tables in memory; read together as one measurement."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from pliant.config.measurements import MeasurementNotes
+from pliant.config.problems import sentences
+from pliant.errors import UserError, closest
+from pliant.execution.progress import Progress
+from pliant.measurements.joining import together
+from pliant.measurements.notes import notes_of
+from pliant.measurements.reading import read_measurement
+from pliant.records.measurement import Measurement
+from pliant.tabular.opening import is_frame
+
+PATTERN = re.compile(r"[*?\[]")
+QUANTITY = re.compile(r"[-+]?\d+([.,p]\d+)?(g|kg|mN|N|mNm|Nm|C|degC|K|kPa|mbar|bar|deg)")
+# What names tables: a path, a pattern, a pandas frame, or several of these.
+Sources = Any
+
+
+def read_measurements(
+    files: Sources,
+    notes: Mapping[str, Any] | MeasurementNotes | None = None,
+    *,
+    actuation: Sequence[str] | None = None,
+    expected: Mapping[str, tuple[float, float]] | None = None,
+    progress: Progress | None = None,
+    exclude_from_first: bool = False,
+) -> Measurement:
+    """Read tables as one measurement, in their order; one without a column `run` is a run named after its file.
+
+    A file that another one joins (`join` in its notes) gives its columns to that one and is no measurement itself.
+
+    Args:
+        files: a path, a pattern such as ``runs/*.csv`` (its files in natural order), a pandas frame, or several.
+        notes: what the files do not say of themselves, before the YAML beside each (docs/measurement_files.md).
+        actuation, expected, progress: as of `read_measurement`.
+        exclude_from_first: the spans of `notes` are of the first file alone.
+
+    Raises:
+        UserError: what cannot be read, or cannot be decided without being asked.
+    """
+    sources = sources_of(files)
+    stated = as_notes(notes)
+    seen: set[str] = set()
+    joined = {path for source in sources if (path := _joined_by(source, stated)) is not None}
+    own = [s for s in sources if is_frame(s) or s.resolve() not in joined]
+    measurements = [
+        read_measurement(
+            source,
+            settings=stated.model_copy(update={"exclude": ()}) if number and exclude_from_first else stated,
+            actuation=actuation,
+            expected=expected,
+            progress=progress,
+            runs_seen=seen if len(own) > 1 and not exclude_from_first else None,
+        )
+        for number, source in enumerate(own)
+    ]
+    for span in stated.exclude if seen else ():
+        if span.run not in seen:
+            raise UserError(
+                f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
+            )
+    found = together(measurements)
+    if stated.name_pattern is None and (hint := _said_by_names([s for s in own if not is_frame(s)])):
+        found = replace(found, remarks=(*found.remarks, hint))
+    return found
+
+
+def _said_by_names(files: Sequence[Path]) -> str:
+    """A sentence where the names of several files have a quantity in them that differs, and nobody reads it."""
+    if any(notes_of(file, None)[0].name_pattern for file in files):
+        return ""
+    said = dict.fromkeys(
+        part for file in files for part in re.split(r"[_\s]+", file.stem) if QUANTITY.fullmatch(part)
+    )
+    if len(files) < 2 or len(said) < 2:
+        return ""
+    return (
+        f"The files' names say {', '.join(list(said)[:5])}, which is not read; if it is a load or a condition, write "
+        f"'name_pattern: finger_{{payload_g}}g_{{run}}', as the names are, into the notes."
+    )
+
+
+def sources_of(files: Sources) -> list[Any]:
+    """Paths and frames, patterns replaced by their files; raises `UserError` for a pattern that fits none."""
+    if is_frame(files):
+        return [files]
+    if isinstance(files, str | Path):
+        return list(_expanded(Path(files)))
+    found = [source for file in files for source in sources_of(file)]
+    if not found:
+        raise UserError("no file is given; name one, or a pattern such as 'runs/*.csv'.")
+    return found
+
+
+def _expanded(path: Path) -> Iterable[Path]:
+    if path.exists() or not PATTERN.search(str(path)):
+        return [path]
+    found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))), key=lambda p: natural(str(p)))
+    if not (tables := [p for p in found if p.is_file() and p.suffix not in (".yaml", ".yml")]):
+        raise UserError(f"{path}: no file fits the pattern.")
+    return tables
+
+
+def natural(name: str) -> list[Any]:
+    """A key that sorts run_2 before run_10."""
+    return [int(part) if part.isdigit() else part.lower() for part in re.split(r"(\d+)", name)]
+
+
+def as_notes(notes: Mapping[str, Any] | MeasurementNotes | None) -> MeasurementNotes:
+    """Notes as they are validated; raises `UserError` for a key that is not one, or a value that cannot be."""
+    if isinstance(notes, MeasurementNotes):
+        return notes
+    try:
+        return MeasurementNotes.model_validate(dict(notes or {}))
+    except ValidationError as error:
+        raise UserError(
+            sentences(error, MeasurementNotes, lambda at: "the notes").replace("of a study", "of notes")
+        ) from None
+
+
+def _joined_by(source: Any, stated: MeasurementNotes) -> Path | None:
+    """The file that a file's notes join."""
+    if is_frame(source):
+        return None
+    notes, _ = notes_of(source, stated)
+    return None if notes.join is None else (source.parent / notes.join.file).resolve()

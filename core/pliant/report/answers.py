@@ -1,0 +1,138 @@
+"""The first lines of a page: how good the model is, what is missing, how sure that is, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.evidence.comparison import Comparison, headline
+from pliant.formatting import listed, number, unit_of, whole_percent
+from pliant.report.diagnosis_tables import parameter_texts
+from pliant.report.document import answers
+from pliant.report.fitted import probability_text
+
+MOST_OUTPUTS = 2
+NEAR = 1.2  # times the floor: nothing to look for
+Answers = tuple[tuple[str, str], ...]
+
+
+def comparison_answers(found: Comparison) -> Answers:
+    """Of a model against a measurement."""
+    ratio, place = found.rmse_over_floor, headline(found)
+    errors = {name: error.rmse for name, error in found.outputs.items()}
+    floors = {name: error.noise_floor for name, error in found.outputs.items()}
+    good = errors_text(errors, floors)
+    good += f", {_ratio(ratio)} the noise" if found.has_floor else ""
+    low, high = found.rmse_over_floor_interval
+    sure = f"95 % interval {_ratio(low, False)} to {_ratio(high)} the noise; " if np.isfinite(low) else ""
+    sure += f"{found.n_samples} readings, worth {number(found.n_effective, 3)} independent ones; "
+    sure += "the floor comes from repeats or a stated sigma" if found.judged else "the floor is not known"
+    if not found.judged:
+        return answers(
+            good,
+            "Cannot be judged before the noise is known.",
+            sure,
+            "Repeat a run, or state the sensor's sigma; then compare again.",
+        )
+    if place is not None:
+        missing = (
+            f"{place.condition}: {whole_percent(place.share_of_error)} of the squared error in "
+            f"{whole_percent(place.share_of_samples)} of the readings"
+        )
+    else:
+        missing = (
+            "No circumstance stands out." if ratio < NEAR else "The error is spread over all circumstances."
+        )
+    right = ratio < NEAR and not found.significant
+    after = (
+        "Nothing to explain here; measure what these runs do not cover."
+        if right
+        else "Ask which effect does that: pliant diagnose."
+    )
+    return answers(good, "Nothing that these runs show." if right else missing, sure, after)
+
+
+def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
+    """Of a diagnosis; `demand` is what its verdict asks for where no run is proposed."""
+    judgement, verdict = found.judgement, found.verdict
+    best = next((kinds for kinds in judgement.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
+    before, after = found.left_out_ratio(NOTHING), found.left_out_ratio(best)
+    floors = {name: floor.value for name, floor in found.noise.floors.items()}
+    good = errors_text(found.left_out_errors(NOTHING), floors)
+    good += f", {_ratio(before)} the noise on runs left out" if np.isfinite(before) else ""
+    if (
+        best != NOTHING
+        and np.isfinite(after)
+        and verdict in ("missing_effect", "ambiguous", "unknown_effect")
+    ):
+        good += f"; {_ratio(after)} with {named(best)}"
+    missing = {
+        "missing_effect": _with_parameters(found),
+        "ambiguous": f"One of these: {judgement.contenders}",
+        "nothing_missing": "Nothing that these runs show",
+        "unknown_effect": "An effect that is not in the list",
+        "not_repeatable": "Not asked: runs with the same inputs differ",
+        "insufficient_data": "Cannot be said from these runs",
+    }[verdict]
+    return answers(good, missing, _sure(found), proposed(found.next_run) or demand)
+
+
+def _with_parameters(found: Diagnosis) -> str:
+    texts = parameter_texts(found, found.selected)
+    return named(found.selected) + (f" ({', '.join(texts)})" if texts else "")
+
+
+def _sure(found: Diagnosis) -> str:
+    if found.verdict in ("not_repeatable", "insufficient_data"):
+        return f"No verdict on effects; {number(found.noise.n_effective, 3)} independent readings"
+    shown: list[Kinds] = list(found.judgement.credible[:3])
+    texts = [f"{named(kinds)} {probability_text(found.judgement.probability[kinds])}" for kinds in shown]
+    more = len(found.judgement.credible) - len(shown)
+    said = listed(texts) + (f" and {more} more" if more else "")
+    return f"Probability: {said}; {len(found.table.rows)} explanations fitted"
+
+
+def improvement_answers(found: Improvement) -> Answers:
+    """Of the way to a better model."""
+    first, last = found.steps[0].locked, found.steps[-1].locked
+    added = [kind for step in found.steps for kind in step.added]
+    good = errors_text(last.rmse, {name: floor.value for name, floor in found.floors.items()})
+    good += f", {_ratio(last.over_floor)} the noise"
+    good += f" (before: {_ratio(first.over_floor)})" if added else ""
+    missing = f"Added: {listed(added)}" if added else "Nothing was added"
+    where = (
+        f"{len(found.locked.runs)} runs that were put aside at the start"
+        if found.locked.runs
+        else f"{found.scored_on}; no run was put aside"
+    )
+    after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
+    sure = f"± {number(found.steps[-1].locked_se, 2)} times the noise, on {where}"
+    return answers(good, missing, sure, proposed(found.next_run) or after)
+
+
+def proposed(run: NextRun | None) -> str:
+    """A run to do next, in words; empty without one."""
+    return "" if run is None else f"Measure: {run.run} ({run.minutes:g} min)."
+
+
+def errors_text(errors: Mapping[str, float], floors: Mapping[str, float]) -> str:
+    """Rms errors in the units of the outputs, those farthest above their noise first: ``1.2° rms in bend angle``."""
+
+    def above(name: str) -> float:
+        floor = floors.get(name, np.nan)
+        return -errors[name] / floor if floor > 0 else -errors[name]
+
+    shown = sorted((name for name in errors if np.isfinite(errors[name])), key=above)
+    texts = [f"{unit_of(name).text(errors[name], 3)} rms in {unit_of(name).label}" for name in shown]
+    rest = len(texts) - MOST_OUTPUTS
+    return ", ".join(texts[:MOST_OUTPUTS]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _ratio(value: float, times: bool = True) -> str:
+    text = f"{value:.2f}" if value < 10 else f"{value:.0f}"
+    return f"{text} times" if times else text

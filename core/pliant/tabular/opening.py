@@ -1,0 +1,70 @@
+"""Open a table that somebody brings, whatever it was saved as: all become a `Sheet`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pliant.config.measurements import ColumnNotes
+from pliant.errors import UserError
+from pliant.tabular import sources
+from pliant.tabular.cells import Marks
+from pliant.tabular.sheet import Sheet
+from pliant.tabular.text import open_text
+
+# First bytes of what people take for a table.
+NO_TABLES = {
+    b"%PDF": "it is a PDF; export the numbers as CSV",
+    b"\xd0\xcf\x11\xe0": "it is an old spreadsheet; save the table as .xlsx or 'CSV UTF-8'",
+    b"MATLAB 7.3": "it is of MATLAB 7.3; write it by save(…, '-v7')",
+    b"\x89HDF": "it is an HDF5 file; write MATLAB's by save(…, '-v7'), others as CSV or Parquet",
+}
+OPENERS = {
+    b"PK\x03\x04": sources.open_spreadsheet,
+    b"MATLAB 5.0": sources.open_matlab,
+    b"PAR1": sources.open_parquet,
+}
+FRAME = "DataFrame"  # what messages call a table in memory
+
+
+def open_sheet(
+    source: Path | Any, example: str, notes: ColumnNotes | None = None, notes_name: str = ""
+) -> Sheet:
+    """Open a table and read its header.
+
+    Args:
+        source: a text, .xlsx, .mat (to version 7) or Parquet file, or a pandas frame.
+        example: a header for messages.
+        notes: what the table does not say of itself: the mark of its decimals, words for missing values, which of
+            several tables.
+        notes_name: where the user would write notes, for messages; the YAML of the same stem by default.
+
+    Raises `UserError` where there is no file, no table, or no header.
+    """
+    notes = notes or ColumnNotes()
+    marks = Marks(decimal=notes.decimal, missing=frozenset(notes.missing))
+    if is_frame(source):
+        return sources.open_frame(source, Path(FRAME), marks, notes_name)
+    path = Path(source)
+    try:
+        with path.open("rb") as raw:
+            start = raw.read(16)
+        for mark, what in NO_TABLES.items():
+            if start.startswith(mark):
+                raise UserError(f"{path}: {what}.")
+        for mark, opened in OPENERS.items():
+            if start.startswith(mark):
+                return opened(path, example, marks, notes.table, notes_name)
+        return open_text(path, example, marks, notes_name)
+    except (OSError, ValueError) as error:
+        cause = (
+            "no such file"
+            if isinstance(error, FileNotFoundError)
+            else getattr(error, "strerror", None) or error
+        )
+        raise UserError(f"{path}: the table cannot be read ({cause}).") from None
+
+
+def is_frame(source: object) -> bool:
+    """Whether something is a table in memory, as pandas has them."""
+    return hasattr(source, "columns") and hasattr(source, "dtypes")

@@ -1,0 +1,95 @@
+"""The first screen of a page answers four questions; what stands below is folded, and printing opens it."""
+
+import re
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from tests.diagnosis.quick import REGISTRY
+from tests.diagnosis.test_improve import creeping  # noqa: F401
+from tests.report.pages import check_sound
+from tests.report.test_comparison_page import bench, falling_shift, page_of
+
+from pliant.report.document import Document, Section, Table, Warned, answers, drawn
+from pliant.report.figures import error_steps, style
+from pliant.report.improvement import improvement_document
+from pliant.report.render import page
+
+LABELS = ["How good", "What is missing", "How sure", "What next"]
+
+
+def folded(html):
+    """Titles of the sections, and whether each is open."""
+    every = re.findall(r"<section>\s*<details( open)?><summary><h2>(.*?)</h2></summary>", html)
+    assert len(every) == html.count("<section")
+    return {title: bool(is_open) for is_open, title in every}
+
+
+def labels_before_the_picture(html):
+    return re.findall(r"<dt>(.*?)</dt><dd>.+?</dd>", html.split("<img")[0])
+
+
+def test_a_comparison_answers_four_questions_before_its_first_picture():
+    made = page_of(*bench(0, effect=falling_shift(0.02)))
+    assert labels_before_the_picture(made.html) == LABELS
+    sections = folded(made.html)
+    assert sections["Where the error is"] and not sections["Numbers"]
+    assert "falling pressure: 8" in check_sound(made).lower()
+
+
+def test_an_improvement_answers_them_and_its_reasons_are_text(creeping):  # noqa: F811
+    _, measurement, found = creeping
+    made = page(improvement_document("finger", measurement, found, REGISTRY))
+    assert labels_before_the_picture(made.html) == LABELS
+    assert folded(made.html)["Step by step"]
+    text = check_sound(made)
+    assert all(step.why in text for step in found.steps) and found.reason in text
+
+
+def test_the_picture_of_an_improvement_holds_labels_only(creeping, monkeypatch):  # noqa: F811
+    drawn_on = []
+
+    def kept(figure):
+        figure.canvas.draw()
+        drawn_on.append(figure)
+        return np.zeros(1, np.uint8)
+
+    monkeypatch.setattr(style, "png", kept)
+    error_steps.error_steps(creeping[2])
+    (figure,) = drawn_on
+    texts = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+    assert max(len(text.split()) for text in texts) <= 8
+    assert not any(step.why in text for step in creeping[2].steps for text in texts)
+
+
+def test_sections_are_reached_from_the_navigation_and_opened_by_printing():
+    table = Table("t", ["a"], [["b"]])
+    both = (Section("One", tables=(table,), open=True), Section("Two", tables=(table,)))
+    html = page(
+        Document("k", "t", "s.", answers=answers("good"), points=("p.",), draw=lambda: drawn(None, *both))
+    ).html
+    assert folded(html) == {"In more words": False, "One": True, "Two": False}
+    assert re.findall(r'<a href="#(s\d)">', html) == re.findall(r'<div id="(s\d)">', html) == ["s1", "s2"]
+    assert "::details-content" in html.split("@media print")[1]
+
+
+def test_many_warnings_are_folded_after_the_gravest():
+    html = page(Document("k", "t", "s.", warnings=tuple(Warned(f"Number {k}.") for k in range(9)))).html
+    before, after = html.split("<details><summary>4 more</summary>")
+    assert "Number 4." in before and "Number 5." in after
+
+
+@pytest.mark.parametrize("far", [60.0, -60.0])
+def test_a_step_does_not_squeeze_the_panel_of_rates_and_is_marked(far):
+    values = np.concatenate([np.linspace(-1.0, 1.0, 200), [far, far / 2]])
+    low, high = style.robust_ends(values)
+    assert -1.5 < low < -0.8 and 0.8 < high < 1.5
+    axes = Figure().add_subplot()
+    style.cut_at(axes, (low, high), values)
+    (text,) = [one.get_text() for one in axes.texts]
+    assert "2 beyond, to" in text and "60" in text
+
+
+@pytest.mark.parametrize("values", [np.linspace(-3, 3, 50), np.ones(9), np.zeros(0), np.array([0.0, 60.0])])
+def test_values_that_nothing_squeezes_keep_their_axis(values):
+    assert style.robust_ends(values) is None
