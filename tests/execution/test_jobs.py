@@ -28,6 +28,7 @@ class Mortal(InlineExecutor):
     def submit(self, function, work, items):
         if not items:
             return super().submit(function, work, items)
+        assert len(self.calls) < 100, "jobs are handed in without end"
         self.calls.append(items)
         future = Future()
         if self.dies(items, self.calls):
@@ -50,6 +51,16 @@ def everything(queue):
     while queue.waiting:
         found |= {one.item: one for one in queue.completed()}
     return found
+
+
+@pytest.mark.parametrize(("size", "under_way"), [(1, 1), (2, 3), (4, 5), (None, 9)])
+def test_each_worker_has_a_job_and_one_waits_and_an_unknown_number_of_workers_has_all(size, under_way):
+    executor = Mortal(lambda items, calls: False, size=size, holds=True)
+    queue = JobQueue(executor, square)
+    for k in range(9):
+        queue.submit([k])
+    assert executor.calls == [(k,) for k in range(under_way)]
+    assert queue.running == list(range(under_way))
 
 
 def test_a_queue_gives_each_its_result_in_order_whoever_works():

@@ -85,6 +85,16 @@ def test_choices_and_integers_make_candidates_differ():
     assert best_apart(axes, rows, 1, 5) == []
 
 
+def test_candidates_are_compared_by_the_variables_that_both_have():
+    axes = tuple(Variable(name, "real", 0.0, 1.0) for name in ("x", "y"))
+    rows = [
+        (0, told(k, values))
+        for k, values in enumerate(({"x": 0.5}, {"x": 0.5, "y": 0.9}, {"x": 0.9, "y": 0.9}))
+    ]
+    assert [row.number for _, row in best_apart(axes, rows, -1, 5)] == [0, 2]
+    assert [row.number for _, row in best_apart(axes, rows[1:], -1, 5)] == [1, 2]
+
+
 def told(number, values):
     return Trial(number, values, -1, "ok", (float(number),))
 
