@@ -319,6 +319,9 @@ def read(files: Any, **notes: Any) -> Result[Measurement]:
 
     Raises:
         UserError: what cannot be read, or cannot be decided without being asked.
+
+    >>> pliant.read(examples / "hidden_effect/bench.csv").to_frame()["run"].nunique()
+    14
     """
     measurement, document = api.read(files, notes)
     return Result(measurement, document, plots.readings, frames.readings)
