@@ -143,6 +143,31 @@ def test_wrong_requests_are_refused(of: Study, options: dict[str, Any], says: st
         fitted(table(tmp_path, "stretch,nominal_stress_pa", STRETCH, STRESS), of, **options)
 
 
+def test_a_recording_in_motion_is_no_free_curve(tmp_path: Path) -> None:
+    share = np.sin(np.linspace(0, np.pi, 41)) ** 2
+    late = np.interp(np.arange(41) - 4, np.arange(41), share)
+    time, held = 0.1 * np.arange(41), np.repeat([0, 1, 0.5, 0.2], 11)[:41]
+    creep = held + 0.3 * (np.arange(41) % 11)
+    for x, y, word in (
+        (share, late, "between rise and fall of"),
+        (held, creep, "while pressure_pa stands still"),
+    ):
+        with pytest.raises(UserError, match=f"in motion .*time_s.*{word}"):
+            read_bench_data(table(tmp_path, "time_s,pressure_pa,angle_rad", time, 1e4 * x, y))
+    data = read_bench_data(table(tmp_path, "time_s,pressure_pa,angle_rad", time, 1e4 * share, 0.5 * share))
+    assert "taken as states at rest" in " ".join(data.remarks)
+
+
+def test_bench_data_take_notes_and_print_lines_to_paste(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = "\n".join(f"{a:.6f};{b:.3f}".replace(".", ",") for a, b in zip(STRETCH, STRESS / 1e3, strict=True))
+    path.write_text(f"Streckung;sig [kPa]\n{rows}\n")
+    with pytest.raises(UserError, match="Write into t.yaml") as caught:
+        read_bench_data(path)
+    path.with_suffix(".yaml").write_text(str(caught.value).split("meant so):\n")[1])
+    np.testing.assert_allclose(read_bench_data(path).y, STRESS, rtol=1e-5)
+
+
 def test_a_free_curve_needs_a_module(tmp_path: Path) -> None:
     path = table(tmp_path, "pressure_pa,angle_rad", 1e3 * STRETCH, 0.1 * STRETCH)
     with pytest.raises(UserError, match="has no 'family' block; a calibration on a free curve needs one"):

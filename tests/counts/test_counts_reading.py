@@ -41,6 +41,19 @@ def test_rows_of_one_condition_are_its_sets(read, study):
     assert found.trials == 30 and found.sha256
 
 
+def test_a_german_table_of_counts(read, study):
+    found = read("Messung;pressure [mbar];Versuche;Erfolge;Notiz\na;130,5;10;6;x\nb;130,5;10;7;y\n")
+    (condition,) = found.conditions
+    assert (condition.successes, condition.trials, condition.sets[1].name) == (13, 20, "b")
+    task = changed_task(study.noisy_task(), condition.changes)
+    assert task.pressure_pa == pytest.approx(13050.0)
+
+
+def test_counts_and_readings_do_not_mix_whatever_they_are_called(read):
+    with pytest.raises(UserError, match="two files"):
+        read("successes,trials,Winkel [°]\n1,2,3\n")
+
+
 def test_keys_may_be_dotted_and_in_other_units(read, study):
     found = read(
         "task.object.radius_mm,inclination_deg,friction,successes,trials\n15,28,0.7,1,2\n16,30,0.8,2,2\n"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.lab_files.files import matlab, parquet, spreadsheet
 
 from pliant.calibration.reading import read_bench_data
 from pliant.errors import UserError
@@ -50,6 +51,34 @@ def test_every_use_takes_every_separator_and_encoding(tmp_path, use, separator, 
     path = tmp_path / "bench.csv"
     path.write_bytes(f"# Büro, 20 °C\n{header.replace(',', separator)}\n{rows}".encode(encoding))
     assert np.array_equal(read(path), [[0.5, 0.1, 0.2], [1.5, 0.25, 0.125]])
+
+
+TABLE = {
+    name: [[0.5, 0.1, 0.2][k], [1.5, 0.25, 0.125][k]] for k, name in enumerate(READERS["fit"][1].split(","))
+}
+MADE = {
+    "a.xlsx": lambda: spreadsheet({"S": [("Finger 3",), list(TABLE), *zip(*TABLE.values(), strict=True)]}),
+    "a.mat": lambda: matlab({"data": {name: np.array(values) for name, values in TABLE.items()}}),
+    "a.parquet": lambda: parquet({name: np.array(values) for name, values in TABLE.items()}),
+    "a.txt": lambda: b"# pressure_pa angle_rad moment_n_m\n0.5 0.1 0.2\n1.5D0 0.25 0.125\n",
+}
+
+
+@pytest.mark.parametrize("use", ["fit", "compare"])
+@pytest.mark.parametrize("name", MADE)
+def test_every_use_takes_every_kind_of_file(tmp_path, use, name):
+    (tmp_path / name).write_bytes(MADE[name]())
+    assert np.array_equal(READERS[use][0](tmp_path / name), [[0.5, 0.1, 0.2], [1.5, 0.25, 0.125]])
+
+
+@pytest.mark.parametrize("use", READERS)
+def test_every_use_asks_the_notes_for_marks_and_missing_values(tmp_path, use):
+    read, header = READERS[use]
+    (tmp_path / "a.csv").write_text(f"{header.replace(',', ';')};x\n1.500,0;0,25;0,2;OVER\n1;0;0;1\n")
+    with pytest.raises(UserError, match="two ways"):
+        read(tmp_path / "a.csv")
+    (tmp_path / "a.yaml").write_text("decimal: ','\nmissing: OVER\n")
+    assert read(tmp_path / "a.csv")[0, 0] == 1500.0
 
 
 @pytest.mark.parametrize("use", READERS)

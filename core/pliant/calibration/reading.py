@@ -18,24 +18,38 @@ from typing import Literal
 
 import numpy as np
 
+from pliant.config.measurements import ColumnNotes
 from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
 from pliant.tabular.cells import Problems, lines_text
+from pliant.tabular.names import lines_to_write, proposed
 from pliant.tabular.opening import open_sheet
-from pliant.tabular.schema import FileColumn, Known, Schema, Values, read_columns
+from pliant.tabular.schema import (
+    FileColumn,
+    Known,
+    Schema,
+    Values,
+    check_named,
+    notes_beside,
+    read_columns,
+    stamped,
+)
+from pliant.tabular.units import stem
 
 ADVICE = "correct the file"
 LARGEST_STRAIN = 20.0
 DOUBTFUL_STRETCH = 8.0
 # Shear moduli in Pa: outside the first range a unit is wrong, outside the second a value deserves a look.
+# Of the range: how far a free curve's rise and fall, or readings at one actuation, may part; steps that are none.
+MOTION, HELD, FEWEST = 0.1, 1e-3, 3
 POSSIBLE_PA = (100.0, 1e9)
 USUAL_PA = (2e3, 1e8)
 
 
 def check_tensile(
-    path: Path, x_name: str, y_name: str, stretch: Array, stress: Array, lines: Array
+    path: Path, x_name: str, y_name: str, stretch: Array, stress: Array, lines: Array, as_strain: bool
 ) -> list[str]:
     """Refuse stretches and stresses that cannot be; returns remarks on doubtful ones.
 
@@ -45,8 +59,8 @@ def check_tensile(
         stretch: (n,); 1 + strain where the file has strains.
         stress: (n,) Pa.
         lines: (n,) of the file.
+        as_strain: whether the file has strains.
     """
-    as_strain = x_name.lower().startswith("strain")
     written = stretch - 1 if as_strain else stretch
     if np.max(np.abs(written)) > LARGEST_STRAIN:
         worst = int(np.argmax(np.abs(written)))
@@ -80,7 +94,7 @@ def check_tensile(
 
 
 def check_free(
-    path: Path, x_name: str, y_name: str, actuation: Array, output: Array, lines: Array
+    path: Path, x_name: str, y_name: str, actuation: Array, output: Array, lines: Array, of_angle: bool
 ) -> list[str]:
     """The same for a free curve: actuation (n,) and angle or extension (n,)."""
     problems = Problems(path, advice=ADVICE)
@@ -90,13 +104,52 @@ def check_free(
     problems.raise_if_any()
     if not np.any(actuation > 0):
         raise UserError(f"{path}, column {x_name}: it is 0 throughout; a curve needs some actuation.")
-    if "angle" in y_name.lower() and np.abs(output).max() > 2 * math.pi:
+    if of_angle and np.abs(output).max() > 2 * math.pi:
         worst = int(np.argmax(np.abs(output)))
         raise UserError(
             f"{path}, line {lines[worst]}, column {y_name}: {output[worst]:.4g} rad is more than a full turn of one "
             "module; is the column in degrees (angle_deg), or a sum of several modules?"
         )
     return []
+
+
+def check_at_rest(
+    path: Path, clock: str, x: FileColumn, y: FileColumn, set_to: Array, output: Array
+) -> list[str]:
+    """Refuse a recording in motion, whose output is not a function of the actuation; returns a remark on any recording.
+
+    Args:
+        path: the file.
+        clock: its column of time.
+        x, y: columns of the actuation and of what was measured.
+        set_to, output: their values (n,) in the order of the file.
+    """
+    span, reach = float(np.ptp(output)), float(np.ptp(set_to))
+    apart, where = 0.0, ""
+    step = np.diff(set_to, prepend=set_to[:1])
+    branches = [np.flatnonzero(step > 0), np.flatnonzero(step < 0)]
+    if min(map(len, branches)) >= FEWEST and span > 0:
+        rise, fall = (
+            (set_to[k], output[k]) for k in (b[np.argsort(set_to[b], kind="stable")] for b in branches)
+        )
+        low, high = max(rise[0][0], fall[0][0]), min(rise[0][-1], fall[0][-1])
+        if high > low:
+            grid = np.linspace(low, high, 50)
+            apart = float(np.abs(np.interp(grid, *rise) - np.interp(grid, *fall)).max())
+            where = f"between rise and fall of {x.written}"
+    starts = np.flatnonzero(np.concatenate([[True], np.abs(step[1:]) > HELD * reach]))
+    creep = max(
+        (float(np.ptp(part)) for part in np.split(output, starts[1:]) if len(part) >= FEWEST), default=0.0
+    )
+    if creep > apart:
+        apart, where = creep, f"while {x.written} stands still"
+    if apart > MOTION * span:
+        raise UserError(
+            f"{path}: it is a recording in motion (column {clock}): {y.written} differs by "
+            f"{100 * apart / span:.0f} % of its range {where}. A free curve has states at rest, one row for each that "
+            "was waited for; leave those alone in the file, and take the recording for `pliant compare`."
+        )
+    return [f"The file has a clock ({clock}): its rows are taken as states at rest."]
 
 
 def check_modulus(shear_modulus_pa: float, y_name: str) -> list[str]:
@@ -128,10 +181,12 @@ KNOWN = (
     Known("angle", "_rad", "rad", "output"),
     Known("extension", "_m", "m", "output"),
 )
+UNITS = {known.stem + known.unit_suffix: known.unit for known in KNOWN}
 OF_KIND: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "tensile": (("stretch", "strain"), ("nominal_stress_pa",)),
     "free": (("pressure_pa", "tendon_force_n"), ("angle_rad", "extension_m")),
 }
+CLOCK = Schema((Known("time", "_s", "s", "time"),), "time_s")
 SCHEMAS = {
     "tensile": Schema(KNOWN, "stretch,nominal_stress_pa"),
     "free": Schema(KNOWN, "pressure_pa,angle_rad"),
@@ -183,9 +238,16 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     if test is not None and test not in TESTS:
         raise UserError(f"--test {test}: it is one of {', '.join(TESTS)}{closest(test, TESTS)}")
     schema = SCHEMAS["free" if test == "free" else "tensile"]
-    with open_sheet(path, schema.example) as sheet:
+    found, beside = notes_beside(path, ColumnNotes)
+    notes_name = beside.name if found is not None and beside is not None else path.with_suffix(".yaml").name
+    notes = found or ColumnNotes()
+    with open_sheet(path, schema.example, notes, notes_name) as sheet:
         sheet.problems.advice = ADVICE
-        columns = schema.matched(path, sheet.header)
+        named = [*sheet.header, *map(stem, sheet.header)]
+        check_named(path, notes_name, "rename", notes.rename, named)
+        check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
+        columns = schema.matched(path, sheet.header, notes)
+        clock = CLOCK.matched(path, sheet.header, notes, stamped=stamped(sheet)).get("time_s")
         kind = _kind(path, sheet.header, columns, test)
         x, y = _needed(path, sheet.header, columns, kind)
         rows = read_columns(sheet, columns)
@@ -208,8 +270,11 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     problems.raise_if_any()
     set_to, measured = (rows.numbers[column.name][kept] for column in (x, y))
     set_to = 1 + set_to if x.name == "strain" else set_to
-    check = check_tensile if kind == "tensile" else check_free
-    remarks += check(path, x.written, y.written, set_to, measured, lines)
+    if kind == "tensile":
+        remarks += check_tensile(path, x.written, y.written, set_to, measured, lines, x.name == "strain")
+    else:
+        remarks += check_free(path, x.written, y.written, set_to, measured, lines, y.name == "angle_rad")
+        remarks += check_at_rest(path, clock.written, x, y, set_to, measured) if clock is not None else []
     return BenchData(
         source=path.name,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -232,9 +297,12 @@ def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], tes
         for kind, columns_of_kind in OF_KIND.items():
             if set(columns) & set(columns_of_kind[place]):
                 return kind
+    named = [name for name in header if name]
+    wanted = {name: UNITS[name] for kind in OF_KIND.values() for names in kind for name in names}
+    lines = lines_to_write(path, "", *proposed(named, wanted))
     raise UserError(
         f"{path}: it is neither a tensile test (stretch or strain, nominal_stress_pa) nor a free curve (pressure_pa or "
-        f"tendon_force_n, angle_rad or extension_m); its columns are {', '.join(filter(None, header))}."
+        f"tendon_force_n, angle_rad or extension_m); its columns are {', '.join(named)}.{lines}"
     )
 
 
@@ -249,7 +317,8 @@ def _needed(
             read = {column.written for column in columns.values()}
             unknown = [name for name in header if name and name not in read]
             wanted = "' or '".join(names)
-            raise UserError(f"{path}: column '{wanted}' is missing{_meant(names, unknown)}")
+            lines = lines_to_write(path, "", *proposed(unknown, {name: UNITS[name] for name in names}))
+            raise UserError(f"{path}: column '{wanted}' is missing{_meant(names, unknown)}{lines}")
         if len(given) > 1:
             raise UserError(
                 f"{path}: columns '{given[0].written}' and '{given[1].written}'; keep one of them."

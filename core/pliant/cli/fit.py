@@ -27,7 +27,7 @@ from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
 
 # Endings of what is meant as a table; those that are none are told so when they are read.
-TABLES = (".csv", ".txt", ".tsv", ".dat", ".pdf", ".xls", ".xlsx")
+TABLES = (".csv", ".txt", ".tsv", ".dat", ".pdf", ".xls", ".xlsx", ".mat", ".parquet", ".lvm", ".asc")
 
 Source = Annotated[
     Path, typer.Argument(metavar="STUDY.yaml|TABLE.csv", help="The study file, or a table from elsewhere.")

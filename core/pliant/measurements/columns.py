@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -54,6 +54,9 @@ EXAMPLES = (
     *("tip_x_m", "tip_y_m", "tip_z_m", "marker_1_x_m", "marker_1_y_m", "marker_1_z_m"),
     *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
 )
+# What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
+DRIVES = ("pressure_pa", "tendon_force_n")
+READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")
 
 
@@ -124,6 +127,8 @@ def read_header(
     found = match(sheet, notes, notes_name, frozenset(actuation or ()))
     read = {column.written for column in found.values()}
     unknown = [name for name in written if name and name not in read]
+    if "time_s" not in found:
+        _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
     remarks = _unknown_remarks(unknown, notes, notes_name)
     if "" in written:
         remarks.append("A column without a name is ignored.")
@@ -157,6 +162,19 @@ def read_header(
     }
     numbers = tuple(column for column in given if column.role != "text")
     return Header(tuple(used), places, texts, tuple(remarks), numbers)
+
+
+def _check_clock(
+    path: Path, unknown: Sequence[str], notes: MeasurementNotes, notes_name: str, roles: Container[str]
+) -> None:
+    """Raise `UserError` where a column is called as a clock and cannot be read as one: its absence would mean much."""
+    for name in unknown:
+        if "time" in meanings(bare(name)) and name not in notes.rename:
+            inputs, outputs = () if "input" in roles else DRIVES, () if "output" in roles else READ
+            raise UserError(
+                f"{path}: column '{name}' is called as a clock and does not say its unit; without it the rows would "
+                f"be states reached slowly.{_lines(path, notes_name, unknown, inputs, outputs)}"
+            )
 
 
 def match(
@@ -296,8 +314,8 @@ def _check_needed(
             "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
         )
     wanted = [name for name in actuation or () if name not in have]
-    inputs = wanted or ([] if have else ["pressure_pa", "tendon_force_n"])
-    outputs = [] if "output" in roles else ["angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m"]
+    inputs = wanted or (() if have else DRIVES)
+    outputs = () if "output" in roles else READ
     listed = ", ".join(unknown[:20])
     of_the_file = (
         f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are."

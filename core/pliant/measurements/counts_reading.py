@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,13 @@ from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
-from pliant.measurements.notes import notes_of
+from pliant.measurements.notes import digest_of, notes_on
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.tabular.cells import MISSING, Problems
-from pliant.tabular.opening import open_sheet
-from pliant.tabular.schema import check_named
+from pliant.tabular.opening import FRAME, is_frame, open_sheet
+from pliant.tabular.schema import check_named, noted
 from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import ENDINGS
+from pliant.tabular.units import ENDINGS, SPELLINGS, stem, unit_in
 from pliant.units import UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
@@ -36,14 +36,17 @@ MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
 
 
-def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConfig | None = None) -> bool:
+def holds_counts(
+    source: Path | Any, task: TaskConfig | None, settings: MeasurementsConfig | None = None
+) -> bool:
     """Whether a file is one of counts: it has successes or trials, and no readings that the study could be asked for.
 
     Beside readings, counts are for a study whose task counts trials (then `read_counts` refuses the mixture); a
     chain's readings are compared and its counts are ignored.
     """
-    with open_sheet(path, EXAMPLE, *(noted := notes_of(path, settings))) as sheet:
-        names = [noted[0].rename.get(name, name).lower() for name in sheet.header]
+    notes, notes_name = notes_on(source, settings)
+    with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
+        names = [_called(name, notes).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
 
@@ -53,27 +56,26 @@ def counts_trials(task: TaskConfig) -> bool:
     return {"trials", "seed"} <= set(type(task).model_fields)
 
 
-def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
+def read_counts(source: Path | Any, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
     """Read a counts CSV (docs/measurement_files.md) and the YAML notes of the same stem.
 
     Args:
-        path: the CSV: columns successes, trials, and one for each condition that was set.
+        source: the file, or a pandas frame: columns successes, trials, and one for each condition that was set.
         task: the study's task; every condition is validated by it.
         settings: the study's `measurements` block; its entries come before those of the notes.
 
     Raises:
         UserError: no such columns, a column that names no key of the task, or rows that cannot be, with their lines.
     """
-    path = Path(path)
-    notes, notes_name = notes_of(path, settings)
-    with open_sheet(path, EXAMPLE, notes, notes_name) as sheet:
+    path = Path(FRAME if is_frame(source) else source)
+    notes, notes_name = notes_on(source, settings)
+    with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
         layout = _layout(path, sheet.header, notes, notes_name, type(task))
         rows = _rows(sheet, layout, task)
     sheet.problems.raise_if_any()
     if not rows:
         raise UserError(f"{path}: the file has a header and no rows.")
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    digest = "" if is_frame(source) else digest_of(path)
     return Counts(_conditions(rows, layout), path.name, digest, tuple(layout.remarks))
 
 
@@ -132,10 +134,11 @@ def _layout(
     path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
 ) -> Layout:
     """Match the header with what counts need and what the task knows."""
-    names = [notes.rename.get(name, name) for name in header]
-    check_named(path, notes_name, "rename", notes.rename, header)
-    check_named(path, notes_name, "units", notes.units, [*header, *names])
-    check_named(path, notes_name, "conditions", notes.conditions, [*header, *names])
+    names = [_called(name, notes) for name in header]
+    every = [*header, *map(stem, header)]
+    check_named(path, notes_name, "rename", notes.rename, every)
+    check_named(path, notes_name, "units", notes.units, [*every, *names])
+    check_named(path, notes_name, "conditions", notes.conditions, [*every, *names])
     if readings := outputs_among(name.lower() for name in names):
         raise UserError(
             f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
@@ -179,6 +182,18 @@ def _layout(
     return layout
 
 
+def _called(written: str, notes: MeasurementNotes) -> str:
+    """A column's name without its unit; Pliant's for what counts or names a set, and for a reading."""
+    renamed = noted(notes.rename, written, stem(written))
+    if renamed is not None:
+        return renamed
+    column = None
+    with suppress(UserError):  # a unit of a condition, which the task will judge
+        column = MEASUREMENT.column_of(written, written, None, frozenset())
+    of_counts = column is not None and column.role in ("count", "text", "cycle", "output")
+    return column.name if column is not None and of_counts else stem(written)
+
+
 def _condition(
     path: Path,
     written: str,
@@ -188,8 +203,9 @@ def _condition(
     task: type[TaskConfig],
 ) -> TaskKeyColumn | None:
     """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
-    unit = notes.units.get(written, notes.units.get(name, ""))
-    stated = notes.conditions.get(written, notes.conditions.get(name))
+    unit = noted(notes.units, written, stem(written), name) or unit_in(written) or ""
+    unit = SPELLINGS.get(unit, unit)
+    stated = noted(notes.conditions, written, stem(written), name)
     if stated is not None:
         key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
         return TaskKeyColumn(written, key, unit or key.unit, stated.values)
@@ -207,7 +223,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
     rows: list[_CountRow] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
-        cells = [[cell.strip() for cell in block.texts(place)] for place in range(len(sheet.header))]
+        cells = [block.plain_texts(place) for place in range(len(sheet.header))]
         conditions = [cells[layout.places[c.column]] for c in layout.conditions]
         names = [cells[layout.places[name]] for name in TEXTS if name in layout.places]
         counts = {name: block.numbers(layout.places[name], name) for name in COUNTS}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,10 +15,11 @@ from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match
 from pliant.measurements.gathering import Gatherer
 from pliant.measurements.notes import notes_of
 from pliant.records.design import Array
-from pliant.tabular.cells import Cells, Marks, number_in
+from pliant.tabular.cells import Cells
 from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import FileColumn
 
+NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
 MOST_ROWS = 20_000_000  # of a joined file
 AT_ITS_ENDS = 1e-9  # of its span by which a time may miss it: clocks are written with few digits
@@ -93,7 +94,8 @@ def elsewhere(
     constants: dict[FileColumn, float] = {}
     remarks: list[str] = []
     if notes.name_pattern is not None:
-        found = _in_name(path, notes.name_pattern, notes_name)
+        fields = _fields(notes.name_pattern, notes_name, actuation)
+        found = _in_name(path.stem, notes.name_pattern, fields)
         if found is None and "run" not in own:
             raise UserError(
                 f"{path}: its name does not fit 'name_pattern: {notes.name_pattern}' in {notes_name}."
@@ -101,13 +103,16 @@ def elsewhere(
         if found is None:
             remarks.append("The file's name does not fit 'name_pattern': its own columns are taken.")
         for written, text in (found or {}).items():
-            column, value = _of_name(path, written, text, notes_name, actuation)
+            column = fields[written]
             if column.name in own:
                 remarks.append(f"{column.name} stands in the file, so its name is not asked for it.")
-            elif value is None:
+            elif column.role == "text":
                 texts[column.name] = text
             else:
-                constants[column] = value
+                made = FileColumn(
+                    "the file's name", column.name, column.role, column.unit, in_unit=column.in_unit
+                )
+                constants[made] = column.scale * float(text.replace(",", ".")) + column.shift
         said = [f"{name} '{text}'" for name, text in texts.items()]
         said += [f"{column.name} {value:g}" for column, value in constants.items()]
         remarks += [f"The file's name says {', '.join(said)}."] if said else []
@@ -123,36 +128,31 @@ def elsewhere(
     return Elsewhere(texts, tuple(columns), tuple(constants.values()), joined, tuple(remarks))
 
 
-def _of_name(
-    path: Path, written: str, text: str, notes_name: str, actuation: Sequence[str] | None
-) -> tuple[FileColumn, float | None]:
-    """The column that a part of a file's name is, and its number in SI; None of a text."""
-    column = MEASUREMENT.column_of(written, written, None, frozenset(actuation or ()))
-    if column is None:
-        raise UserError(
-            f"{notes_name}: 'name_pattern' has '{{{written}}}', which is not a column of a measurement"
-            f"{closest(written, EXAMPLES)} Use * for a part that says nothing."
-        )
-    if column.role == "text":
-        return column, None
-    value = number_in(text, Marks(comma=True))
-    if value is None:
-        raise UserError(f"{path}: '{text}' in the file's name stands for {written} and is not a number.")
-    made = FileColumn("the file's name", column.name, column.role, column.unit, in_unit=column.in_unit)
-    return made, column.scale * value + column.shift
-
-
-def _in_name(path: Path, pattern: str, notes_name: str) -> dict[str, str] | None:
-    """The parts of a file's name that a pattern has names for; None where it does not fit."""
+def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> dict[str, FileColumn]:
+    """The column that each name in braces is."""
     names = FIELD.findall(pattern)
     if not names or len(set(names)) < len(names):
         raise UserError(
             f"{notes_name}: 'name_pattern' needs names in braces, each once: finger_{{payload_g}}g_{{run}}."
         )
+    fields = {}
+    for name in names:
+        column = MEASUREMENT.column_of(name, name, None, frozenset(actuation or ()))
+        if column is None:
+            raise UserError(
+                f"{notes_name}: 'name_pattern' has '{{{name}}}', which is not a column of a measurement"
+                f"{closest(name, EXAMPLES)} Use * for a part that says nothing."
+            )
+        fields[name] = column
+    return fields
+
+
+def _in_name(name: str, pattern: str, fields: Mapping[str, FileColumn]) -> dict[str, str] | None:
+    """The parts of a file's name that a pattern has names for; None where it does not fit."""
     parts = FIELD.split(pattern)
     texts = [re.escape(text).replace(r"\*", ".*?") for text in parts[::2]]
-    fields = [f"(?P<{name}>.+?)" for name in parts[1::2]] + [""]
-    found = re.fullmatch("".join(a + b for a, b in zip(texts, fields, strict=True)), path.stem)
+    said = [f"(?P<{n}>{'.+?' if fields[n].role == 'text' else NUMBER})" for n in parts[1::2]]
+    found = re.fullmatch("".join(a + b for a, b in zip(texts, [*said, ""], strict=True)), name)
     return None if found is None else found.groupdict()
 
 

@@ -314,11 +314,14 @@ class Gatherer:
                 )
             self.problems.add(found.line, f"{text}, {new_run}")
 
-    def name_parts(self) -> None:
-        """Number the runs that a clock which begins again has cut: "a 1", "a 2"."""
+    def named(self) -> list[RunRows]:
+        """The runs in the order of their first rows; those that a clock has cut are numbered: "a 1", "a 2"."""
         for run in self.runs:
             if run.part:
                 run.name = f"{run.name} {run.part}"
+        if not self.restarts:
+            return self.runs
+        return sorted(self.runs, key=lambda run: run.parts[0][0, -1] if run.kept else np.inf)
 
     def no_rows(self) -> str:
         """Why no row can be used."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.config.measurements import MeasurementNotes
+from pliant.tabular.opening import is_frame
 from pliant.tabular.schema import notes_beside
 
 
@@ -24,6 +25,11 @@ def notes_of(path: Path, settings: MeasurementNotes | None) -> tuple[Measurement
         return notes, path.with_suffix(".yaml").name
     # a study of the same stem takes the name: then the notes belong into its `measurements` block
     return notes, file.name if beside is not None else f"the 'measurements' block of {file.name}"
+
+
+def notes_on(source: Any, settings: MeasurementNotes | None) -> tuple[MeasurementNotes, str]:
+    """`notes_of` of a file, `notes_of_frame` of a table in memory."""
+    return notes_of_frame(settings) if is_frame(source) else notes_of(Path(source), settings)
 
 
 def notes_of_frame(settings: MeasurementNotes | None) -> tuple[MeasurementNotes, str]:

@@ -17,7 +17,7 @@ from pliant.measurements.columns import MEASUREMENT, Header, match, outputs_amon
 from pliant.measurements.doubts import sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
-from pliant.measurements.notes import digest_of, notes_of, notes_of_frame
+from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
@@ -66,7 +66,7 @@ def read_measurement(
     """
     in_memory = is_frame(source)
     path = Path(FRAME if in_memory else source)
-    notes, notes_name = notes_of_frame(settings) if in_memory else notes_of(path, settings)
+    notes, notes_name = notes_on(source, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
         asked = notes.join is not None or notes.name_pattern is not None
         own = set(match(sheet, notes, notes_name)) if asked else set()
@@ -78,15 +78,15 @@ def read_measurement(
         _gather(sheet, header, other, gatherer, progress or Silent())
         gatherer.finish()
     sheet.problems.raise_if_any()
-    gatherer.name_parts()
-    if not any(rows.kept for rows in gatherer.runs):
+    gathered = gatherer.named()
+    if not any(rows.kept for rows in gathered):
         raise UserError(f"{path}: {gatherer.no_rows()}")
     said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
     outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
     stated = _stated(notes, notes_name, outputs)
-    runs = [_run(rows, header, outputs, stated, path) for rows in gatherer.runs if rows.kept]
-    said += [f"Run '{rows.name}' has no row that can be used." for rows in gatherer.runs if not rows.kept]
+    runs = [_run(rows, header, outputs, stated, path) for rows in gathered if rows.kept]
+    said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
     ranges = spans([run.history for run in runs])
     runs = [  # cycles are counted where the file does not give all of a run's

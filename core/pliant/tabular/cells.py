@@ -1,17 +1,17 @@
-"""Cells as numbers and times: decimals with a point or a comma, marks of missing values, dates, problems by line."""
+"""Cells as numbers and times: decimals with a point or a comma, marks of missing values, problems by line."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.records.design import Array
+from pliant.tabular.dates import NO_STAMP, Clock, is_stamp, microseconds, of_day, since_first
 
 SHOWN = 20  # problems that a message lists
 ENOUGH = 10_000  # problems after which reading stops
@@ -20,15 +20,10 @@ MISSING = (
     *["nan", "na", "n/a", "#n/a", "#nv", "-", "–", "--", "---", "null", "none", "nan(ind)", "-nan(ind)"],
 )
 COMMA_DECIMAL = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
-THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+")  # or decimals
+THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")  # or decimals
+COMMA_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
+HUNDRED = 100.0  # a whole number from here on, and above all that have a point, in a column of such
 FORTRAN = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))[dD]([-+]?\d+)")
-_ISO = r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})"
-_DAY = rf"(?:{_ISO}|(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<y>\d{{4}}|\d\d))"
-_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d{1,9}))?)?"
-STAMP = re.compile(
-    rf"(?:{_DAY}(?:[T ,]\s*{_CLOCK.replace('?P<', '?P<at_')})?|{_CLOCK})\s*(?:Z|[+-]\d\d:?\d\d)?"
-)
-SLASHED = re.compile(r"\d{1,2}/\d{1,2}/(\d{4}|\d\d)\b.*")  # day or month first?
 Cells = tuple[str, ...]
 
 
@@ -74,11 +69,14 @@ class Marks:
 
     Attributes:
         comma: decimals may have a comma: commas do not separate the columns.
+        commas, points: some decimals of the table surely have one.
         decimal: the mark that the notes state; then the other one stands between thousands.
         missing: texts that stand for a missing value, beside those that everybody writes.
     """
 
     comma: bool = False
+    commas: bool = False
+    points: bool = False
     decimal: str | None = None
     missing: frozenset[str] = frozenset()
 
@@ -88,14 +86,14 @@ class Block:
     """Some rows: the cells of each column (an array where the source has numbers), and (n,) the line of each row.
 
     Attributes:
-        clock: the first time stamp of each column, in microseconds; shared by the blocks of a table.
+        clock: where each column of time stamps began; shared by the blocks of a table.
     """
 
     columns: tuple[Cells | Array, ...]
     lines: Array
     problems: Problems
     marks: Marks = field(default_factory=Marks)
-    clock: dict[int, int] = field(default_factory=dict)
+    clock: dict[int, Clock] = field(default_factory=dict)
 
     def texts(self, place: int) -> Cells:
         """A column as texts."""
@@ -103,6 +101,19 @@ class Block:
         if isinstance(cells, tuple):
             return cells
         return tuple("" if value != value else repr(value).removesuffix(".0") for value in cells.tolist())
+
+    def plain_texts(self, place: int) -> list[str]:
+        """A column as stripped texts: numbers as Python writes them, and blanks for missing values."""
+        cells = [cell.strip() for cell in self.texts(place)]
+        for k, cell in enumerate(cells):
+            if cell in self.marks.missing:
+                cells[k] = ""
+            elif self.marks.decimal is not None or "," in cell or "D" in cell or "d" in cell:
+                self.check_ways(cell, int(self.lines[k]), "")
+                if (value := number_in(cell, self.marks)) is not None:
+                    plain = cell.replace(",", ".")
+                    cells[k] = plain if is_number(plain) and "," in cell else repr(value)
+        return cells
 
     def numbers(self, place: int, column: str) -> Array:
         """A column as floats: NaN where it is blank or says so; texts and infinities become problems."""
@@ -121,6 +132,7 @@ class Block:
     def _parsed(self, cells: Cells, column: str) -> Array:
         if self.marks.missing:
             cells = tuple("" if cell.strip() in self.marks.missing else cell for cell in cells)
+        self._check_thousands(cells, column)
         together = "\n".join(cells)
         if "_" not in together:  # Python would read 1_5 as 15
             if self.marks.decimal is None and self.marks.comma and "," in together and "." not in together:
@@ -133,11 +145,30 @@ class Block:
                     return np.fromiter(map(float, parts), float, len(parts))
                 except ValueError:
                     pass
-        pairs = list(zip(cells, self.lines.tolist(), strict=True))
-        if self.marks.comma and COMMA_DECIMAL.search(together):  # then a point may stand between thousands
-            for cell, line in pairs:
-                self.check_ways(cell.strip(), line, column, thousands=True)
+        pairs = zip(cells, self.lines.tolist(), strict=True)
         return np.array([self._number(cell, line, column) for cell, line in pairs])
+
+    def _check_thousands(self, cells: Cells, column: str) -> None:
+        """Raise `UserError` where points may stand between thousands: "1.430" after "990", or beside decimal commas."""
+        if self.marks.points and self.marks.comma and self.marks.decimal is None:
+            marked = [k for k, cell in enumerate(cells) if "," in cell]
+            if marked and all(COMMA_THOUSANDS.fullmatch(cells[k].strip()) for k in marked):
+                self.check_ways(cells[marked[0]].strip(), int(self.lines[marked[0]]), column)
+        pointed = (cell.strip() for cell in cells if "." in cell)
+        if self.marks.decimal is not None or not all(map(THOUSANDS.fullmatch, pointed)):
+            return
+        with_points = [k for k, cell in enumerate(cells) if "." in cell]
+        if not with_points:
+            return
+        whole = [float(cell) for cell in cells if cell.strip().lstrip("+-").isdecimal()]
+        largest = max(
+            abs(float(cells[k].strip().replace(".", "", cells[k].count(".") - 1))) for k in with_points
+        )
+        mixed = any(abs(value) >= HUNDRED and abs(value) > largest for value in whole)
+        if self.marks.commas or mixed or any("," in cell for cell in cells):
+            self.check_ways(
+                cells[with_points[0]].strip(), int(self.lines[with_points[0]]), column, thousands=True
+            )
 
     def _number(self, cell: str, line: int, column: str) -> float:
         text = cell.strip()
@@ -159,7 +190,8 @@ class Block:
 
     def check_ways(self, text: str, line: int, column: str, thousands: bool = False) -> None:
         """Raise `UserError` for a number whose marks may mean two things, where the notes say nothing of them."""
-        if self.marks.decimal is None and (two_ways(text) or (thousands and THOUSANDS.fullmatch(text))):
+        grouped = COMMA_THOUSANDS.fullmatch(text) or (thousands and THOUSANDS.fullmatch(text))
+        if self.marks.decimal is None and (two_ways(text) or grouped):
             where = f"column {column}: " if column else ""
             raise UserError(
                 f"{self.problems.path}, line {line}: {where}'{text}' may be read in two ways; write "
@@ -170,17 +202,24 @@ class Block:
     def seconds(self, place: int, column: str) -> Array:
         """A column of time stamps as seconds from the first one of the table; NaN where it is blank."""
         cells = self.texts(place)
-        stamps = microseconds(cells)
-        bad = [k for k in np.flatnonzero(stamps == NO_STAMP) if cells[k].strip().lower() not in MISSING]
-        for k in bad:
-            self.problems.add(
-                int(self.lines[k]), f"column {column}: '{cells[k].strip()[:30]}' is no date or time"
-            )
+        try:
+            stamps = microseconds(cells)
+        except ValueError:
+            raise UserError(
+                f"{self.problems.path}: column {column}: dates such as '{cells[0].strip()[:30]}' may have the month or "
+                "the day first; write them as 2026-08-31."
+            ) from None
         there = stamps != NO_STAMP
-        if not there.any():
-            return np.full(len(cells), np.nan)
-        first = self.clock.setdefault(place, int(stamps[there][0]))
-        return np.where(there, (stamps - first) / 1e6, np.nan)
+        for k in np.flatnonzero(~there):
+            if cells[k].strip().lower() not in MISSING:
+                text = f"column {column}: '{cells[k].strip()[:30]}' is no date or time"
+                self.problems.add(int(self.lines[k]), text)
+        found = np.full(len(cells), np.nan)
+        if there.any():
+            first = int(stamps[there][0])
+            clock = self.clock.setdefault(place, Clock(first, first))
+            found[there] = since_first(stamps[there], clock, of_day(cells[int(np.argmax(there))]))
+        return found
 
 
 def number_in(text: str, marks: Marks) -> float | None:
@@ -214,46 +253,6 @@ def two_ways(text: str) -> bool:
     return "," in text and "." in text and is_number(text.replace(",", "").replace(".", ""))
 
 
-NO_STAMP = np.iinfo(np.int64).min
-
-
-def is_stamp(text: str) -> bool:
-    """Whether a cell holds a date, a date and a time, or a time of day."""
-    return STAMP.fullmatch(text.strip()) is not None
-
-
-def microseconds(cells: Sequence[str]) -> Array:
-    """(n,) microseconds of time stamps; `NO_STAMP` where a cell holds none."""
-    try:
-        iso = np.array([cell.strip() for cell in cells], "datetime64[us]")
-        if not np.isnat(iso).any():
-            return iso.astype(np.int64)
-    except ValueError:
-        pass
-    return np.fromiter(map(_microsecond, cells), np.int64, len(cells))
-
-
-def _microsecond(cell: str) -> int:
-    match = STAMP.fullmatch(cell.strip())
-    if match is None:
-        return int(NO_STAMP)
-    found: Mapping[str, str | None] = match.groupdict()
-
-    def part(*names: str, default: str = "0") -> int:
-        return int(next((text for name in names if (text := found[name])), default))
-
-    year = part("year", "y", default="1970")
-    year += 2000 if year < 100 else 0
-    fraction = next((text for name in ("at_fraction", "fraction") if (text := found[name])), "0")
-    try:
-        day = datetime(year, part("month", "m", default="1"), part("day", "d", default="1"))
-    except ValueError:
-        return int(NO_STAMP)
-    seconds = 3600 * part("at_hour", "hour") + 60 * part("at_minute", "minute") + part("at_second", "second")
-    days = (day - datetime(1970, 1, 1)).days
-    return (86_400 * days + seconds) * 1_000_000 + int(fraction.ljust(6, "0")[:6])
-
-
 def lines_text(lines: Sequence[int], count: int | None = None) -> str:
     """ "lines 3, 5, 8, …": the first few of `count`."""
     count = len(lines) if count is None else count
@@ -266,12 +265,7 @@ def looks_numeric(cell: str, marks: Marks) -> bool:
     text = cell.strip()
     if not text or not (text[0].isdigit() or text[0] in "+-.,"):
         return False
-    return (
-        number_in(text, marks) is not None
-        or two_ways(text)
-        or is_stamp(text)
-        or SLASHED.fullmatch(text) is not None
-    )
+    return number_in(text, marks) is not None or two_ways(text) or is_stamp(text)
 
 
 def any_numeric(cells: Iterable[str], marks: Marks) -> bool:

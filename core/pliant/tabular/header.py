@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pliant.tabular.cells import Marks, any_numeric
 from pliant.tabular.units import is_unit, unit_in
 
-WINDOW = 400  # rows that are searched
+WINDOW = 2000  # rows that are searched
+LABELS = ("unit", "units", "einheit", "einheiten")
 Row = tuple[int, list[str]]  # its place in the file and its cells
 
 
@@ -56,13 +57,15 @@ def find_header(rows: Sequence[Row], marks: Marks) -> Found | None:
 
 def are_units(cells: Sequence[str]) -> bool:
     """Whether a row holds units and blanks alone."""
-    written = [cell.strip("[]() ") for cell in cells if cell]
+    written = [cell.strip("[]() ") for cell in cells if cell and cell.lower() not in LABELS]
     return bool(written) and all(map(is_unit, written))
 
 
 def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
     """Names with the units of the second line in brackets, where they say none themselves."""
     return [
-        f"{name} [{unit.strip('[]() ')}]" if name and unit and unit_in(name) is None else name
+        f"{name} [{unit.strip('[]() ')}]"
+        if name and unit and unit.lower() not in LABELS and unit_in(name) is None
+        else name
         for name, unit in zip(names, units, strict=True)
     ]

@@ -65,6 +65,7 @@ LIKELY: Mapping[str, str] = {
     "moment": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
     "tendon_travel": r"weg|travel.*|stroke.*|hub",
     "payload": r"masse|mass|load.*|last",
+    "nominal_stress": r"stress.*|sig.*|spannung.*",
     "time": r"t|time.*|zeit.*",
 }
 _FILLED = {
@@ -154,6 +155,7 @@ def proposed(written: Sequence[str], units: Mapping[str, str]) -> tuple[dict[str
         meant = likely(name, {other: unit for other, unit in units.items() if other not in rename.values()})
         if meant:
             rename[name] = meant
-            if unit_in(name) is None and (unit := unit_at_the_end(name)):
-                said[name] = unit
+            if unit_in(name) is None and units[meant]:
+                asked = f"{units[meant]}  # or another unit: the file does not say"
+                said[name] = unit_at_the_end(name) or asked
     return rename, said

@@ -6,7 +6,7 @@ A new kind of table is a `Schema`, `read_columns` and what its numbers must be; 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -18,12 +18,14 @@ from pliant.config.measurements import ColumnNotes
 from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.records.design import Array
-from pliant.tabular.cells import Block, is_stamp
+from pliant.tabular.cells import Block
+from pliant.tabular.dates import is_day, is_stamp
 from pliant.tabular.names import meanings
 from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import ENDINGS, SPELLINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
+NOTHING: Mapping[str, str] = {}
 Entry = TypeVar("Entry")
 Notes = TypeVar("Notes", bound=ColumnNotes)
 STAMPS, FRAMES = "date", "frames"  # units of a clock that holds time stamps, or numbers of pictures
@@ -134,11 +136,12 @@ class Schema:
         header: Sequence[str],
         notes: ColumnNotes | None = None,
         inputs: frozenset[str] = frozenset(),
-        stamped: Container[str] = (),
+        stamped: Mapping[str, str] = NOTHING,
     ) -> dict[str, FileColumn]:
         """The columns of a header that are known, by their names; raises `UserError` where two mean the same.
 
-        `stamped`: names in the header of columns that hold dates or times of day.
+        `stamped`: columns that hold dates or times of day, and the first of each. Beside a time of day a date is not
+        read: a clock that passes midnight goes on.
         """
         rename, units = (notes.rename, notes.units) if notes else ({}, {})
         found: dict[str, FileColumn] = {}
@@ -146,6 +149,11 @@ class Schema:
             renamed = noted(rename, written, stem(written)) or written
             unit = noted(units, written, stem(written), renamed)
             column = self.column_of(written, renamed, unit, inputs, written in stamped)
+            if column is not None and column.stamped and column.name in found:
+                other = found[column.name]
+                if other.stamped and is_day(stamped[other.written]) != is_day(stamped[written]):
+                    found[column.name] = other if is_day(stamped[written]) else column
+                    continue
             if column is not None and column.name in found:
                 both = f"'{found[column.name].written}' and '{written}'"
                 raise UserError(f"{path}: columns {both} both mean {column.name}; keep one.")
@@ -169,7 +177,9 @@ class Schema:
     def _by_word(self, name: str, unit: str | None, stamped: bool) -> tuple[str, str | None]:
         """`Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar"); the name itself where it may mean several."""
         cuts: list[tuple[str, str | None]] = [(name, unit)]
-        cuts += [(name[:k], ENDINGS.get(name[k + 1 :].lower())) for k, mark in enumerate(name) if mark == "_"]
+        for k in (k for k, mark in enumerate(name) if mark == "_"):
+            after = name[k + 1 :]
+            cuts.append((name[:k], SPELLINGS.get(after, ENDINGS.get(after.lower()))))
         found: dict[str, str | None] = {}
         for start, ending in cuts:
             for meant in meanings(start):
@@ -217,9 +227,10 @@ def read_columns(sheet: Sheet, columns: dict[str, FileColumn]) -> Values:
     return Values(joined, texts, np.concatenate(lines), remarks)
 
 
-def stamped(sheet: Sheet) -> list[str]:
-    """Columns of a sheet that hold dates or times of day."""
-    return [name for place, name in enumerate(sheet.header) if is_stamp(sheet.first(place))]
+def stamped(sheet: Sheet) -> dict[str, str]:
+    """Columns of a sheet that hold dates or times of day, and the first of each."""
+    firsts = {name: sheet.first(place) for place, name in enumerate(sheet.header)}
+    return {name: first for name, first in firsts.items() if is_stamp(first)}
 
 
 def notes_beside(path: Path, model: type[Notes]) -> tuple[Notes | None, Path | None]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.records.design import Array
-from pliant.tabular.cells import Block, Cells, Marks, Problems, number_in
+from pliant.tabular.cells import Block, Cells, Marks, Problems
+from pliant.tabular.dates import Clock
 
 ROWS = 65_536  # of a block that is in memory
 
@@ -27,7 +28,7 @@ class Sheet(ABC):
         preamble: lines above the header: comments, and keys and values of instruments.
         sample: cells of the first rows, to see what a column holds.
         blank_rows: rows with separators and nothing else, counted while `blocks` runs.
-        clock: the first time stamp of each column, in microseconds.
+        clock: where each column of time stamps began.
     """
 
     path: Path
@@ -38,7 +39,7 @@ class Sheet(ABC):
     preamble: tuple[str, ...] = ()
     sample: tuple[Sequence[str], ...] = ()
     blank_rows: int = 0
-    clock: dict[int, int] = field(default_factory=dict)
+    clock: dict[int, Clock] = field(default_factory=dict)
 
     def __enter__(self) -> Sheet:
         return self
@@ -69,32 +70,12 @@ class Sheet(ABC):
         for block in self.blocks():
             lines += block.lines.tolist()
             for place, column in enumerate(columns):
-                column += _with_points(block, place)
+                column += block.plain_texts(place)
         for line, text in self.problems.found[:1]:
             raise UserError(f"{self.path}, line {line}: {text}")
         if not lines:
             raise UserError(f"{self.path}: the table has a header and no rows.")
         return lines, columns
-
-
-def _with_points(block: Block, place: int) -> Cells | list[str]:
-    """Cells of a column, stripped; a number that is not written as in Python is written so."""
-    cells = [cell.strip() for cell in block.texts(place)]
-    marks = block.marks
-    for k, cell in enumerate(cells):
-        if cell in marks.missing:
-            cells[k] = ""
-        elif marks.decimal is not None or "," in cell or "D" in cell or "d" in cell:
-            block.check_ways(cell, int(block.lines[k]), "")
-            value = number_in(cell, marks)
-            if value is not None:
-                cells[k] = cell.replace(",", ".") if is_plain(cell) else repr(value)
-    return cells
-
-
-def is_plain(cell: str) -> bool:
-    """Whether a comma is the only thing that Python would not read."""
-    return cell.count(",") == 1 and "." not in cell and "d" not in cell.lower()
 
 
 @dataclass

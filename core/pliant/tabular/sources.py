@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -196,7 +197,7 @@ def _in_batches(
         path,
         names,
         Problems(path, notes=notes_name),
-        Marks(True, marks.decimal, marks.missing),
+        replace(marks, comma=True),
         header_line=1,
         preamble=tuple(preamble),
         sample=tuple(zip(*texts, strict=True)),

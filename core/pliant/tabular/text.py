@@ -22,7 +22,18 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.formatting import plural
 from pliant.records.design import Array
-from pliant.tabular.cells import COMMA_DECIMAL, Block, Cells, Marks, Problems, any_numeric, looks_numeric
+from pliant.tabular.cells import (
+    COMMA_DECIMAL,
+    COMMA_THOUSANDS,
+    THOUSANDS,
+    Block,
+    Cells,
+    Marks,
+    Problems,
+    any_numeric,
+    is_number,
+    looks_numeric,
+)
 from pliant.tabular.header import WINDOW, Found, Row, find_header
 from pliant.tabular.sheet import Sheet
 
@@ -184,7 +195,7 @@ def _with_header(path: Path, file: IO[str], example: str, marks: Marks, problems
             f"{path}, line {found.at + 1}: column '{repeated[0]}' stands {count} times; keep one."
         )
     rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
-    marks = replace(marks, comma=separator != "," or _quoted_commas(rows, marks))
+    marks = _marks(rows, separator, marks)
     _check_widths(path, found, rows, separator)
     return TextSheet(
         path,
@@ -227,10 +238,21 @@ def _found(lines: Sequence[str], shown: Sequence[int], marks: Marks) -> tuple[st
     for separator in SEPARATORS:
         written = replace(marks, comma=True)
         rows: list[Row] = [(k, cells) for k in shown if (cells := _cells(lines[k], separator))]
-        for found in (find_header(rows, written), _in_comment(lines, rows, separator, written)):
-            if found is not None and found.rows > (best[1].rows if best[1] is not None else 0):
-                best = separator, found
+        found = (
+            find_header(rows, written),
+            _in_comment(lines, rows, separator, written),
+            _longer(rows, written),
+        )
+        for one in found:
+            if one is not None and one.rows > (best[1].rows if best[1] is not None else 0):
+                best = separator, one
     return best
+
+
+def _longer(rows: Sequence[Row], marks: Marks) -> Found | None:
+    """The header where each row of data ends in a separator, and the header does not."""
+    found = find_header([(k, cells[:-1] if cells[-1] == "" else cells) for k, cells in rows], marks)
+    return found if found is None else replace(found, names=[*found.names, ""])
 
 
 def _in_comment(lines: Sequence[str], rows: Sequence[Row], separator: str, marks: Marks) -> Found | None:
@@ -260,12 +282,13 @@ def _first_line(path: Path, lines: Sequence[str], at: int, example: str, marks: 
     return separator, Found(names, at, at + 1, 0)
 
 
-def _quoted_commas(rows: Sequence[Sequence[str]], marks: Marks) -> bool:
-    """Whether cells between commas have decimals with a comma: some surely do, and none has a point."""
+def _marks(rows: Sequence[Sequence[str]], separator: str, marks: Marks) -> Marks:
+    """Which marks the decimals of the first rows have; cells between commas may have one where none has a point."""
     cells = [cell for row in rows for cell in row]
-    commas = [cell for cell in cells if COMMA_DECIMAL.fullmatch(cell)]
-    sure = [cell for cell in commas if not re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", cell)]
-    return bool(sure) and not any("." in cell and looks_numeric(cell, marks) for cell in cells)
+    commas = any(COMMA_DECIMAL.fullmatch(cell) and not COMMA_THOUSANDS.fullmatch(cell) for cell in cells)
+    pointed = [cell for cell in cells if "." in cell and is_number(cell)]
+    points = any(not THOUSANDS.fullmatch(cell) for cell in pointed)
+    return replace(marks, comma=separator != "," or (commas and not pointed), commas=commas, points=points)
 
 
 def _check_widths(path: Path, found: Found, rows: Sequence[Sequence[str]], separator: str) -> None:
