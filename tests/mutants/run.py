@@ -43,7 +43,7 @@ ANSWERS = ROOT / ".pliant" / "mutants.json"
 COPY = ROOT / ".pliant" / "mutants"
 
 
-def test_files(known: dict[str, Module]) -> dict[str, list[str]]:
+def nearest_tests(known: dict[str, Module]) -> dict[str, list[str]]:
     """Source module → test files, and single tests, that reach it, the nearest first."""
     tests = {}
     for file in sorted((ROOT / "tests").rglob("*.py")):
@@ -155,11 +155,11 @@ def main() -> int:
     if given.list:
         print("\n".join(map(str, mutants)))
         return 0
-    tests = test_files(modules())
+    tests = nearest_tests(modules())
     answers = json.loads(ANSWERS.read_text()) if ANSWERS.exists() and not given.fresh else {}
     survivors = []
     for number, mutant in enumerate(mutants, 1):
-        files = tests[_dotted(mutant.file)]
+        files = tests[dotted(mutant.file)]
         key = _key(mutant, files)
         if key not in answers:
             begun = time.monotonic()
@@ -179,7 +179,7 @@ def main() -> int:
     return 0 if share >= ENOUGH else 1
 
 
-def _dotted(file: str) -> str:
+def dotted(file: str) -> str:
     parts = Path(file).with_suffix("").parts[1:]
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
