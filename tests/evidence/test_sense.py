@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas
 import pytest
 
 from pliant import api
@@ -33,3 +34,14 @@ def test_one_chamber_of_two_is_missing(tmp_path: Path) -> None:
     short.write_text("\n".join(",".join([*row[:3], *row[4:]]) for row in rows) + "\n")
     with pytest.raises(UserError, match="driven by 'pressure_2_pa'"):
         api.read_measurement(opened(tmp_path), short)
+
+
+def test_a_pattern_and_a_frame_are_data_too(tmp_path: Path) -> None:
+    whole = pandas.read_csv(EXAMPLE / "bench.csv", comment="#")
+    study = opened(tmp_path)
+    read = api.read_measurement(study, whole)
+    for name, part in whole.groupby("run"):
+        part.drop(columns="run").to_csv(tmp_path / f"{name}.csv", index=False)
+    parts = api.read_measurement(study, str(tmp_path / "*.csv"))
+    assert {run.name for run in parts.runs} == {run.name for run in read.runs} == set(whole["run"])
+    assert parts.n_samples == read.n_samples == api.read_measurement(study).n_samples

@@ -330,18 +330,18 @@ def _check_needed(
             f"{path}: the chain is driven by '{name}', and the file has no such column; {listing}. "
             f"Name the column so, or write 'rename: {{its name: {name}}}' in {notes_name}.{paste}"
         )
-    own = ", ".join(column.written for column in columns)
+    has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
+        join = f"; if another logger recorded the input, write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}."
         raise UserError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
-            f"{of_the_file} It has {own or 'nothing that is known'}; where another logger recorded the input, "
-            f"write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}.{paste}"
+            f"{of_the_file}{has + join if has else ''}{paste}"
         )
     if outputs:
+        join = f"; where it holds the inputs of another file, write 'join: {path.name}' into the notes of that one."
         raise UserError(
             f"{path}: nothing is measured; a measurement has angle_rad, joint_1_angle_rad…, tip_x_m…, marker_1_x_m… "
-            f"or elongation_strain{of_the_file} It has {own}; where it holds the inputs of another file, write "
-            f"'join: {{file: {path.name}, shift: 0 s}}' into the notes of that one.{paste}"
+            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}"
         )
 
 
