@@ -187,12 +187,12 @@ def test_a_choice_within_a_key_that_is_stated_stands_below_it():
 
 def test_a_block_that_was_pasted_beside_the_file_is_read_and_sorted_rows_are_nothing_to_settle(tmp_path):
     table = tmp_path / "winkel.csv"
-    rows = [f"{k / 10:.1f};{100 * k};{2 * k}" for k in (3, 1, 0, 2, 4, 5)]
+    rows = [f"{k / 10:.1f};{1000 * k};{2 * k}" for k in np.random.default_rng(3).permutation(40)]
     table.write_text("\n".join(["Zeit [s];Druck [Pa];Biegung_xy [deg]", *rows]) + "\n")
     (tmp_path / "winkel.yaml").write_text(
         "measurements:\n  file: winkel.csv\n  rename: {'Biegung_xy [deg]': angle_deg}\n"
     )
     measurement, document = api.read(table, {})
-    assert measurement.runs[0].outputs["angle_rad"] == pytest.approx(np.radians(2.0 * np.arange(6)))
+    assert measurement.runs[0].outputs["angle_rad"] == pytest.approx(np.radians(2.0 * np.arange(40)))
     assert "sorted" in document.warnings[0].sentence
     assert not any("settle that first" in str(line) for line in terminal(document))
