@@ -31,6 +31,9 @@ EXCURSION = 0.1  # of its range that something else goes away and comes back mea
 BACK = 0.35  # of the excursion by which it may miss where it began
 TRAVEL = 0.25  # of its range that the input travels while a sensor stands still
 JUMP, TIMES = 0.05, 5.0  # of the range, and of the usual step, by which a frozen sensor goes on
+DRIVEN, SETTLED = 0.1, 0.05  # of an input's range: it is on; of a motion: what is left when it is over
+MOTION, FEWEST = 0.5, 4  # of an output's range, and samples, of a motion that nothing drives
+MID_MOTION = "begins in the middle of a motion"
 FROM_ZERO = re.compile(r"angle_rad|joint_\d+_angle_rad|elongation_strain")
 
 
@@ -50,6 +53,9 @@ def sensor_doubts(runs: Sequence[MeasuredRun], columns: Mapping[str, FileColumn]
         doubts += [
             d for name in runs[0].outputs if name in columns for d in _zero(runs, columns[name], notes)
         ]
+    doubts += [
+        d for name in runs[0].outputs if name in columns for d in _beginning(runs, columns[name], notes)
+    ]
     for name in (*runs[0].history.actuation, *runs[0].outputs):
         if name in columns:
             doubts += _still(runs, name, columns[name], notes)
@@ -122,6 +128,46 @@ def _unloaded(history: History) -> bool:
         and not history.base_angles_rad[0].any()
         and (history.payload_kg is None or not history.payload_kg[0])
     )
+
+
+def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
+    """Runs whose first readings travel far under inputs that are on and stand still: a model begins them at rest."""
+    there = np.concatenate([run.outputs[column.name] for run in runs])
+    span = float(np.ptp(there[np.isfinite(there)])) if np.isfinite(there).any() else 0.0
+    signals = runs[0].history.actuation
+    highest = {i: max(float(np.abs(run.history.actuation[i]).max()) for run in runs) for i in signals}
+    found = []
+    for run in runs:
+        time, values = run.history.time_s, run.outputs[column.name]
+        held = _held_from_the_begin(run.history, highest)
+        if time is None or held < FEWEST or not np.isfinite(values[:held]).all():
+            continue
+        end = float(np.median(values[held - max(held // 4, 1) : held]))
+        if abs(end - values[0]) > MOTION * span:
+            near = np.abs(values[:held] - end) <= SETTLED * abs(end - values[0])
+            last = int(np.flatnonzero(~near)[-1]) + 1
+            found.append((run.name, float(values[0]), end, float(time[min(last, held - 1)])))
+    if not found:
+        return []
+    name, first, end, _ = found[0]
+    spans = ", ".join(f"{{run: {run}, end: {number(until, 3)} s}}" for run, _, _, until in found)
+    more = f" ({len(found) - 1} more runs likewise)" if len(found) > 1 else ""
+    text = (
+        f"{column.written}: run '{name}' {MID_MOTION}, from {_quantity(first, column)} to {_quantity(end, column)} "
+        f"while its inputs stand still{more}, and a run is taken to begin at rest. Write 'exclude: [{spans}]' into "
+        f"{notes}, or record the beginning. Nothing was changed."
+    )
+    return [Doubt(column.written, "beginning", text)]
+
+
+def _held_from_the_begin(history: History, highest: Mapping[str, float]) -> int:
+    """How many samples from the first one on have inputs that are on and stand still; 0 where none is on."""
+    inputs = history.actuation
+    if not any(abs(v[0]) > DRIVEN * highest[i] for i, v in inputs.items()):
+        return 0
+    moved = np.any([np.abs(v - v[0]) > IDLE * highest[i] for i, v in inputs.items()], axis=0)
+    count = int(np.argmax(moved)) if moved.any() else len(history)
+    return count if _alike(history, 0, count) else 0
 
 
 def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: str) -> list[Doubt]:

@@ -51,7 +51,7 @@ class Doubt:
 
     Attributes:
         column: its name in the file.
-        kind: unit, zero, saturated, frozen, or order (rows that were sorted).
+        kind: unit, zero, beginning (in the middle of a motion), saturated, frozen, or order (rows that were sorted).
         sentence: what makes one doubt, and the line of the notes that would settle it; it begins with the column.
     """
 

@@ -12,6 +12,7 @@ from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
+from pliant.measurements.doubts import MID_MOTION
 from pliant.measurements.floors import Floor
 from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
@@ -116,7 +117,7 @@ def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, A
 
 # What a remark is about, by what it holds; the first that fits. All others are about the data.
 RANKS: tuple[tuple[Rank, tuple[str, ...]], ...] = (
-    (Rank.UNIT, (TO_CHECK,)),
+    (Rank.UNIT, (TO_CHECK, MID_MOTION)),
     (Rank.FLOOR, ("no repeats", "repeats or a stated sigma", "without any noise", "have no noise")),
     (
         Rank.DETAIL,
