@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pliant.formatting import number
+from pliant.formatting import number, plural
 from pliant.measurements.columns import unit_of
 from pliant.measurements.plausible import as_key
 from pliant.records.design import Array
@@ -151,7 +151,7 @@ def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> l
         return []
     name, first, end, _ = found[0]
     spans = ", ".join(f"{{run: {run}, end: {number(until, 3)} s}}" for run, _, _, until in found)
-    more = f" ({len(found) - 1} more runs likewise)" if len(found) > 1 else ""
+    more = f" ({plural(len(found) - 1, 'more run')} likewise)" if len(found) > 1 else ""
     text = (
         f"{column.written}: run '{name}' {MID_MOTION}, from {_quantity(first, column)} to {_quantity(end, column)} "
         f"while its inputs stand still{more}, and a run is taken to begin at rest. Write 'exclude: [{spans}]' into "
