@@ -17,6 +17,7 @@ from pliant.errors import UserError
 from pliant.measurements.block import advised, block_text, files_and_notes
 from pliant.report.document import Table
 from pliant.report.importing import _values
+from pliant.report.render import terminal
 
 ROOT = Path(__file__).parents[2]
 FILES = {file.name: file for file in lab_files()}
@@ -182,3 +183,16 @@ def test_a_choice_within_a_key_that_is_stated_stands_below_it():
     text = block_text(block, advised(["write 'units: {angle_rad: deg}' in a.yaml", "'no line of: notes'"]))
     assert taken(text) == {"file": "a.csv", "units": {"pressure_pa": "mbar", "angle_rad": "deg"}}
     assert YAML(typ="safe").load(text)["measurements"] == block
+
+
+def test_a_block_that_was_pasted_beside_the_file_is_read_and_sorted_rows_are_nothing_to_settle(tmp_path):
+    table = tmp_path / "winkel.csv"
+    rows = [f"{k / 10:.1f};{1000 * k};{2 * k}" for k in np.random.default_rng(3).permutation(40)]
+    table.write_text("\n".join(["Zeit [s];Druck [Pa];Biegung_xy [deg]", *rows]) + "\n")
+    (tmp_path / "winkel.yaml").write_text(
+        "measurements:\n  file: winkel.csv\n  rename: {'Biegung_xy [deg]': angle_deg}\n"
+    )
+    measurement, document = api.read(table, {})
+    assert measurement.runs[0].outputs["angle_rad"] == pytest.approx(np.radians(2.0 * np.arange(40)))
+    assert "sorted" in document.warnings[0].sentence
+    assert not any("settle that first" in str(line) for line in terminal(document))

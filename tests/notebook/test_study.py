@@ -120,3 +120,13 @@ def test_a_law_from_a_frame_is_that_of_its_file(tmp_path: Path) -> None:
     assert first == pytest.approx(second, abs=1e-15)
     assert first == pytest.approx(1.6e-6 * 7e3 - 1e-6 * 7e3 * 0.3 - 0.03 * 0.3 - 0.01 * 0.09, abs=1e-9)
     assert set(fits[0].to_frame().columns) >= {"pressure_pa", "angle_rad", "moment_n_m"}
+
+
+@pytest.mark.slow
+def test_an_improved_study_is_written_and_reads_again(tmp_path: Path) -> None:
+    joint = pliant.open(EXAMPLES / "hidden_effect" / "finger.yaml", store=tmp_path / "store")
+    found = joint.improve(effects=["viscoelastic", "stiffness"], out=tmp_path / "better.yaml")
+    better = pliant.open(tmp_path / "better.yaml", store=tmp_path / "store")
+    assert [effect.kind for effect in better.config.effects] == ["viscoelastic"]
+    assert better.compare().rmse_over_floor < joint.compare().rmse_over_floor / 2
+    assert found.steps[-1].added == ("viscoelastic",)

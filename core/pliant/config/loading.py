@@ -139,6 +139,9 @@ def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> s
 def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     """A YAML file that is not a study, validated by `model`; None where it is a study (it has the key `pliant`).
 
+    Notes may stand below a key `measurements`, as `pliant import` prints them for a study; their `file` is the one
+    that the notes lie beside.
+
     Raises:
         UserError: one line per problem, with file and line.
     """
@@ -146,8 +149,12 @@ def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     tree = read_yaml(path)
     if "pliant" in tree:
         return None
+    pasted = tree["measurements"] if set(tree) == {"measurements"} else None
+    values = _plain(pasted if isinstance(pasted, CommentedMap) else tree, path, sources, ())
+    if pasted is not None:
+        values.pop("file", None)
     try:
-        return model.model_validate(_plain(tree, path, sources, ()))
+        return model.model_validate(values)
     except ValidationError as error:
         text = sentences(error, model, sources.where)
         raise UserError(text.replace(" of a study", " of this file")) from None

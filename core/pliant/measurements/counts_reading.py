@@ -45,7 +45,7 @@ def holds_counts(
     chain's readings are compared and its counts are ignored.
     """
     notes, notes_name = notes_on(source, settings)
-    with open_sheet(source, EXAMPLE, notes, notes_name) as sheet:
+    with open_sheet(source, MEASUREMENT.example, notes, notes_name) as sheet:
         names = [_called(name, notes).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not outputs_among(names) or (task is not None and counts_trials(task)))

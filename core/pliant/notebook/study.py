@@ -9,6 +9,7 @@ from typing import Any
 
 from pliant import api
 from pliant.config.study import Study
+from pliant.diagnosis.extension import Extension, write_extended_study
 from pliant.evidence.comparison import compare
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
@@ -21,15 +22,17 @@ from pliant.pipeline.study import DesignStages, StudyRun, law_of_table, physics_
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
+from pliant.registry.discovery import discover
 from pliant.report import plots
 from pliant.report.calibration import calibration_document
 from pliant.report.comparison import comparison_document
 from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
-from pliant.report.extension import extension_document
+from pliant.report.extension import cited, extension_document
 from pliant.report.fem import fem_document
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
-from pliant.report.improvement import improvement_document
+from pliant.report.improvement import improvement_document, stands_for
+from pliant.report.improvement import origin as improvement_origin
 from pliant.report.run import simulation_document
 from pliant.report.search import search_document
 from pliant.store.store import write_atomically
@@ -247,8 +250,13 @@ class StudyHandle:
             document = diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
         return Result(found, document, plots.hypotheses, frames.hypotheses)
 
-    def extend(self, *effects: str, data: Data = None) -> Result[Any]:
+    def extend(self, *effects: str, data: Data = None, out: str | Path | None = None) -> Result[Any]:
         """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`.
+
+        Args:
+            effects: kinds to fit.
+            data: see `compare`.
+            out: a new study file that has them; nothing is written where the runs show none of them.
 
         >>> [effect.kind for effect in joint.extend("viscoelastic").effects]
         ['viscoelastic']
@@ -260,9 +268,20 @@ class StudyHandle:
         return Result(found, document)
 
     def improve(
-        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
+        self,
+        data: Data = None,
+        *,
+        effects: Sequence[str] | None = None,
+        workers: Workers = 1,
+        out: str | Path | None = None,
     ) -> Result[Any]:
         """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`.
+
+        Args:
+            data: see `compare`.
+            effects: candidates; all by default.
+            workers: processes that fit hypotheses.
+            out: a new study file that has what was added; nothing is written where nothing was.
 
         >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
         ['the model as it was', 'viscoelastic']
@@ -271,8 +290,26 @@ class StudyHandle:
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
             found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
+        if out is not None and found.final is not None:
+            notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
+            self._write(Path(out), found.final, data, improvement_origin(found, cited(measurement)), notes)
             document = improvement_document(self.name, measurement, found, registry, effects or ())
         return Result(found, document, plots.steps, frames.steps)
+
+    def _write(self, target: Path, found: Extension, data: Data, note: str, notes: Mapping[str, str]) -> None:
+        """The study with the effects of an extension, as the commands write it."""
+        files = [data] if isinstance(data, str | Path) else data if isinstance(data, list | tuple) else []
+        write_extended_study(
+            self.path,
+            target,
+            self.config,
+            self._overrides,
+            found,
+            note,
+            discover(),
+            notes_by_kind=notes,
+            data=[Path(file) for file in files],
+        )
 
     def optimize(self, workers: int | None = None) -> Result[Any]:
         """The study's search and the check of its winner: `pliant optimize`. The record is a `SearchResult`.
@@ -319,6 +356,9 @@ def read(files: Any, **notes: Any) -> Result[Measurement]:
 
     Raises:
         UserError: what cannot be read, or cannot be decided without being asked.
+
+    >>> pliant.read(examples / "hidden_effect/bench.csv").to_frame()["run"].nunique()
+    14
     """
     measurement, document = api.read(files, notes)
     return Result(measurement, document, plots.readings, frames.readings)

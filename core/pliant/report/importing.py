@@ -15,7 +15,7 @@ from pliant.measurements.plausible import as_remark
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Doubt, MeasuredRun, Measurement
 from pliant.report.document import (
     Column,
     Document,
@@ -85,6 +85,11 @@ RUNS: tuple[Column[ReadRun], ...] = (
 )
 
 
+def _warned(doubt: Doubt) -> Warned:
+    """Rows that were sorted are said first, and are nothing to settle."""
+    return Warned(as_remark(doubt), rank=Rank.FLOOR if doubt.kind == "order" else Rank.UNIT)
+
+
 def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Document:
     """The document of `pliant import`; its JSON by the keys of docs/import_a_recording.md.
 
@@ -117,7 +122,7 @@ def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Docum
             "block": text,
         },
         brief=(brief_table(COLUMNS, columns), brief_table(said, runs[:RUNS_BRIEF], more)),
-        warnings=(*(Warned(doubt, rank=Rank.UNIT) for doubt in doubts), *map(Warned, others)),
+        warnings=(*map(_warned, measurement.doubts), *map(Warned, others)),
         closing=("", text, sentence),
         draw=lambda: _drawn(
             measurement,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 MOST_NOTES = 5
-SETTLE_FIRST = "A unit looks wrong (first note): settle that first, then believe the rest."
+SETTLE_FIRST = "Something in the file looks wrong (first note): settle that first, then believe the rest."
 
 
 def terminal(document: Document, has_page: bool = False) -> Iterator[RichTable | str]:
