@@ -129,9 +129,7 @@ def test_the_file_is_in_the_units_of_the_old_one_and_read_again(tmp_path, old, n
     write_protocol(path, run, old.outputs, measurement=in_its_own_units(old))
     text = path.read_text()
     header = next(line for line in text.splitlines() if not line.startswith("#"))
-    assert {"time [ms]", "pressure_mbar", "Angle (deg)"} <= set(
-        header.split(",")
-    )  # "Zeit" is no word of the reader
+    assert {"Zeit [ms]", "pressure_mbar", "Angle (deg)"} <= set(header.split(","))
     assert "Read Angle (deg)" in text and not any(name in header for name in HEADED)
     filled(path, ["Angle (deg)"], 90.0)
     (back,) = read_measurement(path).runs

@@ -9,15 +9,13 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.formatting import plural
+from pliant.measurements.clock import Disorder
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.tabular.cells import Cells, Problems, lines_text
 from pliant.tabular.schema import FileColumn
 
 MOST_RUNS = 10_000
-# Rows of a run that stand too early and follow each other in order: from here on they are a recording of its own.
-LONGEST = 10
-FEWEST = 8  # rows of a run that are sorted; of fewer nobody can tell what their order means
 DEFAULTS = {
     "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
     "payload_kg": "the chain's own",
@@ -39,27 +37,6 @@ class Blanks:
     def add(self, lines: Array, run: int) -> None:
         self.lines += lines[: max(0, 6 - len(self.lines))].astype(int).tolist()
         self.of_run[run] = self.of_run.get(run, 0) + lines.size
-
-
-@dataclass
-class Disorder:
-    """What is wrong with the clock of one run.
-
-    Attributes:
-        line, before, now: of the first row whose time is not later than that of the row before.
-        steps: rows before which the time goes back.
-        equal: rows with the time of the row before and other values; `equal_line` is the first.
-        stretch: the longest succession of rows in order, all earlier than some row above them.
-    """
-
-    line: int
-    before: float
-    now: float
-    steps: int = 0
-    equal: int = 0
-    equal_line: int = 0
-    equal_at: float = 0.0
-    stretch: int = 0
 
 
 @dataclass
@@ -243,76 +220,33 @@ class Gatherer:
         if wrong.size:
             now, before = table[wrong, :-1], previous[wrong, :-1]
             doubles = wrong[((now == before) | (np.isnan(now) & np.isnan(before))).all(axis=1)]
-            self._note_disorder(rows, table, previous, step, np.setdiff1d(wrong, doubles), time)
+            others = np.setdiff1d(wrong, doubles)
+            if others.size:
+                rows.disorder = rows.disorder or Disorder()
+                rows.disorder.note(table[:, -1], table[:, time], previous[:, time], others, rows.latest)
             if doubles.size:
                 self.doubles.add(table[doubles, -1], run)
                 table = np.delete(table, doubles, axis=0)
         rows.latest = max(rows.latest, float(table[:, time].max(initial=-np.inf)))
         return table
 
-    def _note_disorder(
-        self, rows: RunRows, table: Array, previous: Array, step: Array, wrong: Array, time: int
-    ) -> None:
-        if not wrong.size:
-            return
-        found = rows.disorder
-        if found is None:
-            first = int(wrong[0])
-            found = rows.disorder = Disorder(
-                int(table[first, -1]), float(previous[first, time]), float(table[first, time])
-            )
-        equal = wrong[step[wrong] == 0]
-        if equal.size and not found.equal:
-            found.equal_line, found.equal_at = int(table[equal[0], -1]), float(table[equal[0], time])
-        found.equal += equal.size
-        found.steps += int(wrong.size - equal.size)
-        latest = np.maximum.accumulate(np.concatenate([[rows.latest], table[:, time]]))[:-1]
-        late = table[:, time] < latest
-        group = np.cumsum(~late | (step <= 0))
-        found.stretch = max(found.stretch, int(np.bincount(group[late]).max(initial=0)))
-
     def finish(self) -> None:
-        """Put rows in the order of time where that is surely meant; what cannot be decided becomes a problem.
-
-        It is meant where no time comes twice and no clock begins again: rows that stand too early are single ones, or
-        there is no order at all.
-        """
+        """Put rows in the order of time where that is surely meant; what cannot be decided becomes a problem."""
         for number, run in enumerate(self.runs):
             found = run.disorder
             if found is None or self._time is None:
                 continue
-            mixed = found.stretch < LONGEST and 4 * found.steps >= run.count
-            if run.stride == 1 and run.count >= FEWEST and not found.equal and (mixed or found.stretch == 1):
+            if run.stride == 1 and found.sortable(run.count):
                 table = np.concatenate(run.parts)
                 table = table[np.argsort(table[:, self._time], kind="stable")]
                 if (np.diff(table[:, self._time]) > 0).all():
                     run.parts = [table]
                     self.sorted_runs[run.name] = found.line
                     continue
-            self._clock_problem(number, run, found)
-
-    def _clock_problem(self, number: int, run: RunRows, found: Disorder) -> None:
-        if found.equal:
-            again = f", and so in {plural(found.equal - 1, 'more row')}" if found.equal > 1 else ""
-            self.problems.add(
-                found.equal_line,
-                f"time_s is {found.equal_at:g} again in run '{run.name}', with other values{again}; one sample has one "
-                "time",
-            )
-        if found.steps:
-            new_run = f"or write 'restarts: new run' into {self.problems.notes_name} if a clock that begins again does"
-            if self.split_runs.get(number) == found.line:
-                text = (
-                    f"run '{run.name}' begins again with time_s {found.now:g} after {found.before:g}; give it another "
-                    "name"
-                )
-            else:
-                again = f" and again in {plural(found.steps - 1, 'more row')}" if found.steps > 1 else ""
-                text = (
-                    f"time_s goes back from {found.before:g} to {found.now:g} in run '{run.name}'{again}; give each "
-                    "recording a run of its own"
-                )
-            self.problems.add(found.line, f"{text}, {new_run}")
+            for line, text in found.sentences(
+                run.name, self.split_runs.get(number), self.problems.notes_name
+            ):
+                self.problems.add(line, text)
 
     def named(self) -> list[RunRows]:
         """The runs in the order of their first rows; those that a clock has cut are numbered: "a 1", "a 2"."""

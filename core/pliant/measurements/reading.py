@@ -13,10 +13,11 @@ from pliant.config.measurements import MOST_SAMPLES, ExcludedSpan, MeasurementNo
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
-from pliant.measurements.columns import MEASUREMENT, Header, match, outputs_among, read_header, unit_of
+from pliant.measurements.columns import MEASUREMENT, match, outputs_among, unit_of
 from pliant.measurements.doubts import sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
+from pliant.measurements.header import Header, read_header
 from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array

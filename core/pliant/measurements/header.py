@@ -1,0 +1,237 @@
+"""The header of a measurement file: which of its columns are read, what is lacking, and the lines that mend it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pliant.config.measurements import MeasurementNotes
+from pliant.errors import UserError, closest
+from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.tabular.names import bare, lines_to_write, meanings, proposed
+from pliant.tabular.schema import FRAMES, FileColumn
+from pliant.tabular.sheet import Sheet
+from pliant.tabular.units import stem, unit_at_the_end
+
+# What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
+DRIVES = ("pressure_pa", "tendon_force_n")
+READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
+
+
+@dataclass(frozen=True)
+class Header:
+    """Columns of the file that are read.
+
+    Attributes:
+        columns: the numbers among them.
+        places: index in the file of each column, by its written name.
+        texts: index in the file of `run` and `specimen`, where it has them.
+        remarks: what was ignored or converted, in sentences.
+        given: numbers that do not stand in the file, after `columns`: of its name, or of another logger.
+    """
+
+    columns: tuple[FileColumn, ...]
+    places: dict[str, int]
+    texts: dict[str, int]
+    remarks: tuple[str, ...]
+    given: tuple[FileColumn, ...] = ()
+
+    def names(self, *roles: str) -> list[str]:
+        """Pliant's names of the columns in some roles."""
+        return [column.name for column in self.every if column.role in roles]
+
+    @property
+    def every(self) -> tuple[FileColumn, ...]:
+        """All columns of numbers."""
+        return (*self.columns, *self.given)
+
+
+def read_header(
+    sheet: Sheet,
+    notes: MeasurementNotes,
+    notes_name: str,
+    actuation: Sequence[str] | None,
+    given: Sequence[FileColumn] = (),
+) -> Header:
+    """Match the header with the known columns.
+
+    Args:
+        sheet: the open file.
+        notes: renames and units.
+        notes_name: where a user would write notes, for messages.
+        actuation: names of the chain's inputs; all inputs of the file where None.
+        given: columns that do not stand in the file.
+
+    Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
+    """
+    path, written = sheet.path, sheet.header
+    found = match(sheet, notes, notes_name, frozenset(actuation or ()))
+    read = {column.written for column in found.values()}
+    unknown = [name for name in written if name and name not in read]
+    if "time_s" not in found:
+        _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
+    remarks = _unknown_remarks(unknown, notes, notes_name)
+    if "" in written:
+        remarks.append("A column without a name is ignored.")
+    numeric = [column for column in found.values() if column.role != "text"]
+    _check_needed(path, [*numeric, *given], unknown, notes_name, actuation)
+    outputs = [column.name for column in numeric if column.role == "output"]
+    used = []
+    for column in numeric:
+        if column.role == "input" and actuation is not None and column.name not in actuation:
+            remarks.append(f"Input '{column.name}' does not drive the chain and is ignored.")
+        elif column.role == "count":
+            remarks.append(
+                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
+                "their own."
+            )
+        elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
+            remarks.append(f"Column '{column.name}' has no output of its own in the file and is ignored.")
+        else:
+            used.append(column)
+    if "run" not in found and all(column.name != "run" for column in given):
+        remarks.append(f"The file has no column 'run': all rows are one run, '{path.stem}'.")
+    if "time_s" not in found:
+        remarks.append(
+            "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "
+            "cannot be judged."
+        )
+    remarks += [text for column in found.values() if (text := _converted(column, notes))]
+    places = {name: i for i, name in enumerate(written)}
+    texts: dict[str, int] = {
+        name: places[found[name].written] for name in ("run", "specimen") if name in found
+    }
+    numbers = tuple(column for column in given if column.role != "text")
+    return Header(tuple(used), places, texts, tuple(remarks), numbers)
+
+
+def _check_clock(
+    path: Path, unknown: Sequence[str], notes: MeasurementNotes, notes_name: str, roles: Container[str]
+) -> None:
+    """Raise `UserError` where a column is called as a clock and cannot be read as one: its absence would mean much."""
+    for name in unknown:
+        if "time" in meanings(bare(name)) and name not in notes.rename:
+            inputs, outputs = () if "input" in roles else DRIVES, () if "output" in roles else READ
+            raise UserError(
+                f"{path}: column '{name}' is called as a clock and does not say its unit; without it the rows would "
+                f"be states reached slowly.{_lines(path, notes_name, unknown, inputs, outputs)}"
+            )
+
+
+def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
+    """What was done to a column's numbers, in a sentence; empty where it is read as it stands."""
+    about = f"Column '{column.written}'"
+    if column.in_unit == FRAMES:
+        return f"{about} numbers pictures: time_s = value / {1 / column.scale:g} Hz."
+    if column.stamped:
+        return f"{about} holds dates or times of day: time_s counts from the first."
+    zero = f" Its zero, {column.zero:g} {column.unit}, was subtracted." if column.zero else ""
+    shift = column.shift + column.zero
+    if (column.scale, shift) != (1.0, 0.0):
+        added = f" + {shift:g}" if shift else ""
+        return f"{about} was converted: {column.name} = {column.scale:.6g} × value{added}.{zero}"
+    if column.written != column.name and column.written not in notes.rename:
+        return f"{about} is read as {column.name}.{zero}"
+    return f"{about}:{zero}" if zero else ""
+
+
+def _closest(name: str) -> str:
+    """The known column that a name resembles, or an empty text: ``angel_deg`` → angle_deg."""
+    near = closest(name.lower(), EXAMPLES)
+    stems = [example.rpartition("_")[0] or example for example in EXAMPLES]
+    of_stem = difflib.get_close_matches(bare(name).lower(), stems, n=1, cutoff=0.7)
+    ending = name[len(bare(name)) :]
+    if (
+        of_stem
+        and unit_at_the_end(name)
+        and MEASUREMENT.column_of(of_stem[0] + ending, of_stem[0] + ending, None, frozenset())
+    ):
+        return of_stem[0] + ending
+    return "" if near == "." else near.split("'")[1]
+
+
+def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:
+    remarks = []
+    plain = []
+    for name in unknown:
+        if name in notes.rename:
+            raise UserError(
+                f"{notes_name}: 'rename' gives '{name}' the name '{notes.rename[name]}', which is not a column of a "
+                f"measurement{closest(notes.rename[name], EXAMPLES)}"
+            )
+        if meant := _closest(name):
+            remarks.append(
+                f"Column '{name}' is not known and is ignored; did you mean {meant}? Then write "
+                f"'rename: {{{name}: {meant}}}' in {notes_name}."
+            )
+        else:
+            plain.append(f"'{name}'")
+    if plain:
+        more = f" and {len(plain) - 20} more" if len(plain) > 20 else ""
+        who = f"Column {plain[0]} is" if len(plain) == 1 else f"Columns {', '.join(plain[:20])}{more} are"
+        remarks.append(f"{who} not known and ignored.")
+    return remarks
+
+
+def _check_needed(
+    path: Path,
+    columns: Sequence[FileColumn],
+    unknown: Sequence[str],
+    notes_name: str,
+    actuation: Sequence[str] | None,
+) -> None:
+    roles = {column.role for column in columns}
+    have = [column.name for column in columns if column.role == "input"]
+    if "count" in roles and "output" not in roles:
+        raise UserError(
+            f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
+            "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
+        )
+    wanted = [name for name in actuation or () if name not in have]
+    inputs = wanted or (() if have else DRIVES)
+    outputs = () if "output" in roles else READ
+    listed = ", ".join(unknown[:20])
+    of_the_file = (
+        f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are."
+        if unknown
+        else "."
+    )
+    paste = _lines(path, notes_name, unknown, inputs, outputs)
+    for name in wanted[:1]:
+        others = [*have, *unknown]
+        listing = f"it has {', '.join(others)}" if others else "it has no input at all"
+        raise UserError(
+            f"{path}: the chain is driven by '{name}', and the file has no such column; {listing}. "
+            f"Name the column so, or write 'rename: {{its name: {name}}}' in {notes_name}.{paste}"
+        )
+    has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
+    if inputs:
+        join = f"; if another logger recorded the input, write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}."
+        raise UserError(
+            f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
+            f"{of_the_file}{has + join if has else ''}{paste}"
+        )
+    if outputs:
+        join = f"; where it holds the inputs of another file, write 'join: {path.name}' into the notes of that one."
+        raise UserError(
+            f"{path}: nothing is measured; a measurement has angle_rad, joint_1_angle_rad…, tip_x_m…, marker_1_x_m… "
+            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}"
+        )
+
+
+def _lines(
+    path: Path, notes_name: str, unknown: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> str:
+    """The block to paste: what names and units speak for, else the first unknown column as what is lacking."""
+    columns = ["time_s", *inputs, *outputs]
+    rename, units = proposed(unknown, {name: unit_of(name) for name in columns})
+    for name, meant in rename.items():
+        if near := _closest(name):
+            rename[name] = near if bare(name).lower() != stem(name).lower() or near == meant else meant
+    units = {name: unit for name, unit in units.items() if rename[name] in columns}
+    lacking = [group[0] for group in (inputs, outputs) if group and not set(group) & set(rename.values())]
+    free = [name for name in unknown if name not in rename]
+    rename |= dict(zip(free, [name for name in lacking if name not in rename.values()], strict=False))
+    return lines_to_write(path, notes_name, rename, units)
