@@ -8,7 +8,7 @@ from tests.effects.bench import chain_with, followed
 
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import History
-from pliant.testing.histories import Motion, drive
+from pliant.testing.histories import HeldMotion, drive
 from pliant.testing.samples import linear_law, sample_chain, softening_law
 from pliant_plugins.effects.bimodulus import BimodulusConfig
 
@@ -34,8 +34,8 @@ def test_loads_of_both_signs_meet_two_stiffnesses(modules: int) -> None:
 def test_actuation_is_left_alone() -> None:
     chain, plain = two_sided(0.3, 0.02), two_sided(0.0)
     angle = np.linspace(-0.4, 0.4, 21)
-    pressed, vented = (drive(chain, Motion.of(np.arange(21.0), angle, p)).effort for p in (P, 0.0))
-    wanted, none = (drive(plain, Motion.of(np.arange(21.0), angle, p)).effort for p in (P, 0.0))
+    pressed, vented = (drive(chain, HeldMotion.of(np.arange(21.0), angle, p)).effort for p in (P, 0.0))
+    wanted, none = (drive(plain, HeldMotion.of(np.arange(21.0), angle, p)).effort for p in (P, 0.0))
     np.testing.assert_allclose(pressed - vented, wanted - none, atol=1e-15)
     np.testing.assert_allclose(vented, none * (1 + 0.3 * angle / np.hypot(angle, 0.02)), atol=1e-15)
 
@@ -54,4 +54,4 @@ def test_a_joint_is_stable_up_to_the_bounds(b: float, law: object) -> None:
     chain = sample_chain(law, modules=1)  # type: ignore[arg-type]
     chain = chain_with(chain, "bimodulus", asymmetry=b)
     angle = np.linspace(-0.6, 0.6, 601)
-    assert drive(chain, Motion.of(np.arange(601.0), angle)).slope.max() < 0.0
+    assert drive(chain, HeldMotion.of(np.arange(601.0), angle)).slope.max() < 0.0

@@ -11,7 +11,7 @@ from tests.effects.bench import chain_with, followed
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.testing.histories import Motion, drive, triangles
+from pliant.testing.histories import HeldMotion, drive, triangles
 from pliant.testing.samples import linear_law, sample_chain
 
 K, ARM, F = 0.04, 6.6e-3, 3.0
@@ -82,6 +82,6 @@ def test_a_tendon_that_pulls_the_other_way_is_the_mirror_image() -> None:
 def test_the_direction_turns_over_within_the_break_away_angle() -> None:
     chain = rubbing(tendon_chain(1), wrap_at_rest_rad=1.0, break_away_rad=0.02)
     angle = np.array([0.2, 0.21, 0.2, 0.19, 0.18, 0.16, 0.161])
-    own = drive(chain, Motion.of(np.arange(7.0), angle, F)).effort + K * angle
+    own = drive(chain, HeldMotion.of(np.arange(7.0), angle, F)).effort + K * angle
     z = np.array([1.0, 1.0, 0.5, 0.0, -0.5, -1.0, -0.95])
     np.testing.assert_allclose(own, ARM * F * np.exp(-MU * z * (0.5 * angle + 1.0)), rtol=1e-12)

@@ -8,7 +8,7 @@ from tests.effects.bench import chain_with, followed, model_with
 
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
-from pliant.testing.histories import Motion, drive
+from pliant.testing.histories import HeldMotion, drive
 from pliant.testing.samples import linear_law, sample_chain, softening_law
 from pliant_plugins.effects.wall_thickness import WallThicknessConfig
 
@@ -20,7 +20,7 @@ def test_both_parts_scale_by_their_powers() -> None:
     angle = np.linspace(-0.3, 0.4, 15)
 
     def effort(model: Model, pressure: float) -> np.ndarray:
-        return drive(model.chain, Motion.of(np.arange(15.0), angle, pressure)).effort
+        return drive(model.chain, HeldMotion.of(np.arange(15.0), angle, pressure)).effort
 
     thick = model_with(plain, "wall_thickness", ratio=1.1, elastic_exponent=3.0, actuation_exponent=-1.0)
     elastic, whole = effort(plain, 0.0), effort(plain, P)

@@ -25,7 +25,7 @@ from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 
 pytest.importorskip("cma")
 
-from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
+from pliant_plugins.optimizers.cmaes.fitness import ScoredTrial, fitness
 from pliant_plugins.optimizers.cmaes.optimizer import Cmaes, Encoding
 
 
@@ -145,12 +145,20 @@ def test_population_follows_pycmas_rule() -> None:
 
 
 def test_failed_ones_rank_behind_evaluated_ones_and_before_refused_ones() -> None:
-    results = [Result(3.0), Result(None), Result(None, 2.0), Result(None, 0.1), Result(-1.0)]
+    results = [
+        ScoredTrial(3.0),
+        ScoredTrial(None),
+        ScoredTrial(None, 2.0),
+        ScoredTrial(None, 0.1),
+        ScoredTrial(-1.0),
+    ]
     values = fitness(results, worst=7.0)
     assert np.argsort(values).tolist() == [4, 0, 1, 3, 2]
     assert values[1] > 7.0
-    assert np.all(np.isfinite(fitness([Result(None, 1e300), Result(None)], None)))
-    huge = fitness([Result(1e306), Result(None), Result(None, 1e300), Result(-1e306)], 1e306)
+    assert np.all(np.isfinite(fitness([ScoredTrial(None, 1e300), ScoredTrial(None)], None)))
+    huge = fitness(
+        [ScoredTrial(1e306), ScoredTrial(None), ScoredTrial(None, 1e300), ScoredTrial(-1e306)], 1e306
+    )
     assert np.all(np.isfinite(huge))
     assert np.argsort(huge).tolist() == [3, 0, 1, 2]
 

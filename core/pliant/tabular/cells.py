@@ -11,7 +11,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.records.design import Array
-from pliant.tabular.dates import NO_STAMP, Clock, is_stamp, microseconds, of_day, since_first
+from pliant.tabular.dates import NO_STAMP, StampClock, is_stamp, microseconds, of_day, since_first
 
 SHOWN = 20  # problems that a message lists
 ENOUGH = 10_000  # problems after which reading stops
@@ -93,7 +93,7 @@ class Block:
     lines: Array
     problems: Problems
     marks: Marks = field(default_factory=Marks)
-    clock: dict[int, Clock] = field(default_factory=dict)
+    clock: dict[int, StampClock] = field(default_factory=dict)
 
     def texts(self, place: int) -> Cells:
         """A column as texts."""
@@ -217,7 +217,7 @@ class Block:
         found = np.full(len(cells), np.nan)
         if there.any():
             first = int(stamps[there][0])
-            clock = self.clock.setdefault(place, Clock(first, first))
+            clock = self.clock.setdefault(place, StampClock(first, first))
             found[there] = since_first(stamps[there], clock, of_day(cells[int(np.argmax(there))]))
         return found
 

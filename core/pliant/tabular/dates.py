@@ -24,7 +24,7 @@ DAY = 86_400_000_000  # microseconds
 
 
 @dataclass
-class Clock:
+class StampClock:
     """Where a column of stamps began, where it stands, and how many midnights a time of day has passed."""
 
     first: int
@@ -96,7 +96,7 @@ def _microsecond(found: Mapping[str, str | None], month_first: bool) -> int:
     return (date - datetime(1970, 1, 1)).days * DAY + seconds * 1_000_000 + int(fraction.ljust(6, "0")[:6])
 
 
-def since_first(stamps: Any, clock: Clock, daily: bool) -> Any:
+def since_first(stamps: Any, clock: StampClock, daily: bool) -> Any:
     """(n,) seconds since the clock's first stamp; the clock moves on. `daily`: times of day, which pass midnight."""
     if daily:
         before = np.concatenate([[clock.last], stamps[:-1]])

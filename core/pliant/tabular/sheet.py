@@ -12,7 +12,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.tabular.cells import Block, Cells, Marks, Problems
-from pliant.tabular.dates import Clock
+from pliant.tabular.dates import StampClock
 
 ROWS = 65_536  # of a block that is in memory
 
@@ -39,7 +39,7 @@ class Sheet(ABC):
     preamble: tuple[str, ...] = ()
     sample: tuple[Sequence[str], ...] = ()
     blank_rows: int = 0
-    clock: dict[int, Clock] = field(default_factory=dict)
+    clock: dict[int, StampClock] = field(default_factory=dict)
 
     def __enter__(self) -> Sheet:
         return self

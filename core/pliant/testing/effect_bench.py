@@ -18,7 +18,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.registry.discovery import discover
 from pliant.testing import CheckSkipped, Subject, once
-from pliant.testing.histories import Motion, drive, first_joint, triangles
+from pliant.testing.histories import HeldMotion, drive, first_joint, triangles
 from pliant.testing.samples import PRESSURE_PA, chain_numbers, sample_chain, softening_law
 
 PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
@@ -98,12 +98,12 @@ def probe_run(
     )
 
 
-def probe_motion(actuation: float = 0.6 * PRESSURE_PA) -> Motion:
+def probe_motion(actuation: float = 0.6 * PRESSURE_PA) -> HeldMotion:
     """A joint that is bent to 0.7 rad and back to −0.2 rad at two rates, with holds."""
     fast, u_fast = triangles((0.7, -0.2, 0.4), 0.5, 0.05, holds_s=1.0)
     slow, u_slow = triangles((0.3, 0.0), 0.05, 0.5)
     time_s = np.append(fast, fast[-1] + 0.5 + slow)
-    return Motion.of(time_s, np.append(u_fast, u_slow), actuation, WARM_C)
+    return HeldMotion.of(time_s, np.append(u_fast, u_slow), actuation, WARM_C)
 
 
 def inputs_seen(model: Model) -> Array:

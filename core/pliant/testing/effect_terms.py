@@ -29,7 +29,7 @@ from pliant.testing.effect_bench import (
     sample_model,
     strong,
 )
-from pliant.testing.histories import Motion, drive, follow_joint, triangles
+from pliant.testing.histories import HeldMotion, drive, follow_joint, triangles
 from pliant.testing.samples import PRESSURE_PA
 
 # Steps that occur: duplicate times, fast logging, a bench at 10 Hz, a night, a state of its own.
@@ -124,7 +124,7 @@ def terms_make_no_energy(subject: Subject) -> None:
     """a law term takes no energy from nowhere: around a repeated cycle of the joint ∮ τ' du ≤ 0."""
     for values, rate, actuation in product(both_ends(subject), (0.5, 0.05), (0.0, 0.6 * PRESSURE_PA)):
         time_s, angle = triangles((0.5, -0.2, 0.0) * 3, rate, 0.01 / rate)
-        effort = drive(hinge(subject, values), Motion.of(time_s, angle, actuation)).effort
+        effort = drive(hinge(subject, values), HeldMotion.of(time_s, angle, actuation)).effort
         last = slice(2 * (len(angle) - 1) // 3, None)
         work = float(np.trapezoid(effort[last], angle[last]))
         passed = float(np.sum(np.abs(effort[last][1:] * np.diff(angle[last]))))
@@ -143,7 +143,7 @@ def terms_do_not_count_samples(subject: Subject) -> None:
     bare, given = sample_model(subject, 1, gravity=(0, 0, 0)).chain, []
     for step_s in (0.1, 0.025):
         time_s, angle = triangles((0.6, -0.2, 0.3), 0.1, step_s, holds_s=3.0)
-        own, plain = (drive(c, Motion.of(time_s, angle, 9e3, 35.0)).effort for c in (chain, bare))
+        own, plain = (drive(c, HeldMotion.of(time_s, angle, 9e3, 35.0)).effort for c in (chain, bare))
         given.append((own - plain)[:: round(0.1 / step_s)])
     # At a corner of the motion the rate jumps, and the sample stands on either side of it.
     off = float(np.sort(np.abs(given[1] - given[0]))[:-8].max(initial=0.0))

@@ -26,7 +26,7 @@ WIDEST_RAD = math.pi
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class HeldMotion:
     """A prescribed motion of one joint: time (t,), angle (t,), actuation (t,), temperature (t,).
 
     A step that begins before time_s[0] is slow: its duration is infinite.
@@ -40,11 +40,11 @@ class Motion:
     @staticmethod
     def of(
         time_s: Array, angle_rad: Array, actuation: float = 0.0, temperature_c: float | None = None
-    ) -> Motion:
+    ) -> HeldMotion:
         """A motion at constant actuation and temperature."""
         warmth = REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c
         n = len(angle_rad)
-        return Motion(np.asarray(time_s, float), angle_rad, np.full(n, actuation), np.full(n, warmth))
+        return HeldMotion(np.asarray(time_s, float), angle_rad, np.full(n, actuation), np.full(n, warmth))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Driven:
     states: Array
 
 
-def drive(chain: ChainModel, motion: Motion) -> Driven:
+def drive(chain: ChainModel, motion: HeldMotion) -> Driven:
     """The first joint of a one-axis chain with its law terms, moved along a prescribed motion."""
     one = first_joint(chain)
     efforts = JointEfforts(one)

@@ -10,14 +10,14 @@ from pliant.interfaces.optimizer import Trial
 
 
 @dataclass(frozen=True)
-class Result:
+class ScoredTrial:
     """What became of a sample: an objective, or None where its evaluation failed, or a violation above 0."""
 
     objective: float | None
     violation: float = 0.0
 
     @classmethod
-    def of(cls, trial: Trial) -> Result:
+    def of(cls, trial: Trial) -> ScoredTrial:
         """Infinite objectives count as failed, NaN violations as the largest."""
         violation = float(trial.violation)
         if not violation <= 0:
@@ -25,11 +25,11 @@ class Result:
         return cls(float(trial.objective) if math.isfinite(trial.objective) else None)
 
 
-FAILED = Result(None)
+FAILED = ScoredTrial(None)
 MOST = 1e150  # so that the distance behind the worst stays finite
 
 
-def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
+def fitness(results: Sequence[ScoredTrial], worst: float | None) -> list[float]:
     """One finite number each. Ranks would do for pycma's update, but it takes a run whose lowest values do not
     change for one that has converged, which a search that is still outside of its constraints has not.
 

@@ -15,7 +15,7 @@ import numpy as np
 from pliant.interfaces.optimizer import Optimizer, Space, Trial, Value, Variable
 from pliant.records.design import Array
 from pliant_plugins.optimizers.cmaes.config import CmaesConfig
-from pliant_plugins.optimizers.cmaes.fitness import FAILED, Result, fitness
+from pliant_plugins.optimizers.cmaes.fitness import FAILED, ScoredTrial, fitness
 
 NOT_ASKED = -1
 LEAST_CHOICE_STD = 0.1
@@ -199,7 +199,7 @@ class Cmaes(Optimizer):
 
     config: CmaesConfig
     _worst: float | None
-    _results: dict[int, Result]
+    _results: dict[int, ScoredTrial]
 
     @property
     def batch(self) -> int:
@@ -230,7 +230,7 @@ class Cmaes(Optimizer):
     def tell(self, trials: Sequence[Trial]) -> None:
         """Keep results; learn once a generation is complete. Results of an earlier run are ignored."""
         known = {m.number for m in (*self._members, *self._surplus)}
-        self._results.update({t.number: Result.of(t) for t in trials if t.number in known})
+        self._results.update({t.number: ScoredTrial.of(t) for t in trials if t.number in known})
         while self._complete():
             self._learn()
 
@@ -263,7 +263,9 @@ class Cmaes(Optimizer):
             for member, number in zip(members, numbers, strict=True):
                 member.number = int(number)
         self._asked, self._worst = int(state["asked"]), state["worst"]
-        self._results = {int(n): Result(objective, violation) for n, objective, violation in state["results"]}
+        self._results = {
+            int(n): ScoredTrial(objective, violation) for n, objective, violation in state["results"]
+        }
 
     def _set_space(self, space: Space, seed: int) -> None:
         self._space, self._seed = space, seed

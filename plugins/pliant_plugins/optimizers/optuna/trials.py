@@ -20,7 +20,7 @@ from optuna.storages import InMemoryStorage
 from optuna.trial import FrozenTrial, TrialState, create_trial
 
 from pliant.interfaces.optimizer import Space, Trial, Value
-from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
+from pliant_plugins.optimizers.cmaes.fitness import ScoredTrial, fitness
 
 VIOLATION = "violation"  # name of the one constraint that a trial has
 CANDIDATE = "candidate"  # user attribute: the candidate's number
@@ -145,7 +145,7 @@ class TrialMemory:
         if self._constraints:
             standing = self._worst or [0.0] * self._space.objectives
         else:
-            standing = fitness([Result(None, violation)], self._worst[0] if self._worst else None)
+            standing = fitness([ScoredTrial(None, violation)], self._worst[0] if self._worst else None)
         self._finish(trial.number, standing, violation or FAILED_VIOLATION)
         return None, violation
 
