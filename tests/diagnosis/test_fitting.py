@@ -60,9 +60,9 @@ def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.Mon
     fitter = fitter_of(predictor_of(CHAIN, measurement))
     asked: list[np.ndarray] = []
     costs: list[tuple[float, float]] = []
-    point, descend = fitting._Misfit.point, Fitter._descend
+    point, descend = fitting._ReadingMisfit.point, Fitter._descend
 
-    def watching(self: fitting._Misfit, x: np.ndarray) -> object:
+    def watching(self: fitting._ReadingMisfit, x: np.ndarray) -> object:
         asked.append(x.copy())
         return point(self, x)
 
@@ -71,7 +71,7 @@ def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.Mon
         costs.append((start.cost, end.cost))
         return end, converged
 
-    monkeypatch.setattr(fitting._Misfit, "point", watching)
+    monkeypatch.setattr(fitting._ReadingMisfit, "point", watching)
     monkeypatch.setattr(Fitter, "_descend", descending)
     candidate = EffectSet.of(REGISTRY, (kind,))
     fit = fitter.fit(candidate)

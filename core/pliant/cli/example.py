@@ -15,11 +15,7 @@ from pliant.errors import UserError, closest
 
 # Name → folder of examples/, its files, and the verb that the first of them is for.
 EXAMPLES = {
-    "hidden-effect": (
-        "hidden_effect",
-        ("finger.yaml", "bench.csv", "label.sealed", "open_label.py"),
-        "compare",
-    ),
+    "hidden-effect": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "german-lab": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "solver-table": ("elsewhere", ("bellow.csv",), "fit"),
     "first-finger": ("first_finger", ("finger.yaml", "loaded.yaml"), "run"),

@@ -293,6 +293,8 @@ class Judgement:
     @property
     def small(self) -> bool:
         """Little is left to gain; the standard error counts while "nothing is missing" is credible."""
+        if not math.isfinite(self.as_it_is.ratio):  # readings without noise: there is no ratio to judge by
+            return self.verdict == "nothing_missing"
         return self.as_it_is.small if NOTHING in self.credible else self.as_it_is.slight
 
 
@@ -372,7 +374,7 @@ def _verdict(
             )
         return "nothing_missing", (
             "The error is what the noise allows, and no listed effect lowers it."
-            if left.small
+            if left.small or not math.isfinite(left.ratio)
             else "No listed effect lowers it. More such runs would tell whether it is one outside the list.",
         )
     if not predicts_unseen(table, first):
