@@ -130,3 +130,16 @@ def test_an_improved_study_is_written_and_reads_again(tmp_path: Path) -> None:
     assert [effect.kind for effect in better.config.effects] == ["viscoelastic"]
     assert better.compare().rmse_over_floor < joint.compare().rmse_over_floor / 2
     assert found.steps[-1].added == ("viscoelastic",)
+
+
+def test_a_recording_is_taken_as_files_as_it_was_read_and_as_a_frame(stated: StudyHandle) -> None:
+    file = stated.path.with_name("bench.csv")
+    read = pliant.read(file)
+    errors = [
+        stated.compare(data).outputs["angle_rad"].rmse
+        for data in (None, file, [file], read, read.record, read.to_frame())
+    ]
+    assert errors == pytest.approx([errors[0]] * len(errors), rel=1e-9)
+    with pytest.raises(UserError, match="give 'data' as paths"):
+        stated.extend("stiffness", data=read, out=stated.path.with_name("new.yaml"))
+    assert not stated.path.with_name("new.yaml").exists()

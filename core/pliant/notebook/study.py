@@ -10,6 +10,7 @@ from typing import Any
 from pliant import api
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Extension, write_extended_study
+from pliant.errors import UserError
 from pliant.evidence.comparison import compare
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
@@ -37,7 +38,7 @@ from pliant.report.run import simulation_document
 from pliant.report.search import search_document
 from pliant.store.store import write_atomically
 
-Data = Any  # a path, several, or a pandas frame
+Data = Any  # a path, several, a pandas frame, or what `read` gave
 
 
 class Simulated(Result[StudyRun]):
@@ -219,7 +220,8 @@ class StudyHandle:
         >>> round(joint.compare().rmse_over_floor, 1)
         2.5
         """
-        if is_counted(self.config, data):
+        data = _recorded(data)
+        if not isinstance(data, Measurement) and is_counted(self.config, data):
             counted = counted_study(self.config, data)
             counts: CountComparison = api.compare_counts(self.opened, data)
             return Result(counts, counts_document(self.name, counted.counts, counts))
@@ -243,7 +245,7 @@ class StudyHandle:
         >>> joint.diagnose(effects=["viscoelastic", "stiffness"]).verdict
         'missing_effect'
         """
-        measurement = api.read_measurement(self.opened, data)
+        measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
             found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
@@ -261,7 +263,9 @@ class StudyHandle:
         >>> [effect.kind for effect in joint.extend("viscoelastic").effects]
         ['viscoelastic']
         """
-        measurement = api.read_measurement(self.opened, data)
+        if out is not None:
+            _check_named(data)
+        measurement = api.read_measurement(self.opened, _recorded(data))
         with displayed_in(units_as_written(measurement)):
             found = api.extend(self.opened, effects, measurement)
             document = extension_document(self.name, measurement, found, self.opened.bench.registry)
@@ -286,7 +290,9 @@ class StudyHandle:
         >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
         ['the model as it was', 'viscoelastic']
         """
-        measurement = api.read_measurement(self.opened, data)
+        if out is not None:
+            _check_named(data)
+        measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
             found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
@@ -297,7 +303,15 @@ class StudyHandle:
         return Result(found, document, plots.steps, frames.steps)
 
     def _write(self, target: Path, found: Extension, data: Data, note: str, notes: Mapping[str, str]) -> None:
-        """The study with the effects of an extension, as the commands write it."""
+        """The study with the effects of an extension, as the commands write it.
+
+        Raises:
+            UserError: data that are no files, which a study cannot name.
+        """
+        if not (data is None or isinstance(data, str | Path | list | tuple)):
+            raise UserError(
+                "a new study names its measurement's files; give 'data' as paths, or leave 'out' out."
+            )
         files = [data] if isinstance(data, str | Path) else data if isinstance(data, list | tuple) else []
         write_extended_study(
             self.path,
@@ -332,6 +346,19 @@ class StudyHandle:
         """
         found = api.calibrate(self.opened, data, **options)
         return Result(found, calibration_document(self.name, found))
+
+
+def _check_named(data: Data) -> None:
+    """Raise `UserError` for data that are no files: a study cannot name them."""
+    if not (data is None or isinstance(data, str | Path | list | tuple)):
+        raise UserError(
+            "a new study names its measurement's files; give 'data' as paths, or leave 'out' out."
+        )
+
+
+def _recorded(data: Data) -> Data:
+    """What `read` gave as the measurement that it holds; other data as they are."""
+    return data.record if isinstance(data, Result) else data
 
 
 def open_study(path: str | Path, *, store: str | Path = api.DEFAULT_STORE, **changes: Any) -> StudyHandle:
