@@ -38,5 +38,7 @@ class PosteriorConfig(FrozenModel):
         for a, row in enumerate(self.correlation):
             mirrored = all(abs(row[b] - self.correlation[b][a]) <= SLACK for b in range(k))
             if abs(row[a] - 1.0) > SLACK or not mirrored or any(abs(r) > 1.0 + SLACK for r in row):
-                raise ValueError("correlation should be symmetric, between −1 and 1, with ones on its diagonal")
+                raise ValueError(
+                    "correlation should be symmetric, between −1 and 1, with ones on its diagonal"
+                )
         return self

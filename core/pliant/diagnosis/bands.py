@@ -35,10 +35,12 @@ class Bands:
 
     Attributes:
         level: probability that a reading lies within.
-        low, high: per run by output (t,), SI; NaN where nothing is known of an output's scatter.
+        centre: per run by output (t,), SI: the mean over draws.
+        low, high: the same of the band's ends; NaN where nothing is known of an output's scatter.
     """
 
     level: float
+    centre: tuple[RunReadings, ...]
     low: tuple[RunReadings, ...]
     high: tuple[RunReadings, ...]
 
@@ -70,7 +72,8 @@ class Bands:
 
     def of_runs(self, runs: Sequence[int]) -> Bands:
         """The bands of some of the runs."""
-        return Bands(self.level, tuple(self.low[k] for k in runs), tuple(self.high[k] for k in runs))
+        ends = (self.centre, self.low, self.high)
+        return Bands(self.level, *(tuple(end[k] for k in runs) for end in ends))
 
 
 def bands(
@@ -109,7 +112,7 @@ def bands(
             single = np.maximum(known.floor**2 + of_laws[name], known.left**2)
             half = quantile * np.sqrt(of_parameters[name] + single)
             low[-1][name], high[-1][name] = centre[name] - half, centre[name] + half
-    return Bands(level, tuple(low), tuple(high))
+    return Bands(level, tuple(mean), tuple(low), tuple(high))
 
 
 def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
@@ -117,9 +120,7 @@ def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
     if all(law.error is None for law in predictor.chain.laws):
         return None
     chains = drawn_chains(predictor.chain, count, SEED)
-    return [
-        Predictor(predictor.bench, predictor.backend, chain, predictor.measurement) for chain in chains
-    ]
+    return [Predictor(predictor.bench, predictor.backend, chain, predictor.measurement) for chain in chains]
 
 
 def _moments(

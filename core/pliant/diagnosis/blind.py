@@ -68,7 +68,9 @@ def _direction(posterior: Posterior, parts: list[int], move: Array, seen: float)
     else:
         known = _combination(posterior, parts, move)
         what = f"the {known}" if known else "a combination"
-        words = f"Only {what} of {listed(list(names))} is known: {_moves(posterior, parts, move)} reads the same."
+        words = (
+            f"Only {what} of {listed(list(names))} is known: {_moves(posterior, parts, move)} reads the same."
+        )
     return BlindDirection(names, tuple(float(move[k]) for k in parts), seen, words)
 
 

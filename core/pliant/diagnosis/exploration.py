@@ -5,11 +5,11 @@ any approximation. If q were p all weights were equal; D draws are worth (Î£ w)Â
 
 Shares. How much of the prediction's variance over the posterior goes with a parameter: `first`, what would go away on
 average if it became known, with all that it tells about the others, and `total`, what would stay if all others became
-known. For independent parameters these are Sobol's indices; dependent ones are drawn one after another from independent
-numbers, and the parameter in question stands first or last (Mara & Tarantola, Reliab. Eng. Syst. Saf. 107, 2012;
-Kucherenko, Tarantola & Annoni, Comput. Phys. Commun. 183, 2012). The indices of many readings are their mean weighted by
-variance (Gamboa et al., Electron. J. Stat. 8, 2014), taken over principal components of the readings, each a polynomial
-of second degree that was fitted to the draws.
+known. For independent parameters these are Sobol's indices; dependent ones are drawn one after another from numbers
+that are independent, and the parameter in question stands first or last (Mara & Tarantola, Reliab. Eng. Syst. Saf. 107,
+2012; Kucherenko, Tarantola & Annoni, Comput. Phys. Commun. 183, 2012). The indices of many readings are their mean
+weighted by variance (Gamboa et al., Electron. J. Stat. 8, 2014), taken over principal components of the readings, each
+a polynomial of second degree that was fitted to the draws.
 """
 
 from __future__ import annotations

@@ -264,9 +264,6 @@ def write_extended_study(
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
-    block = block_of(found.posterior, found.scatter).canonical()
-    draft.set(("posterior",), block, note)
-    meant["posterior"] = block
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
         draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))
@@ -274,6 +271,9 @@ def write_extended_study(
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
+    block = block_of(found.posterior, found.scatter).canonical()
+    draft.set(("posterior",), block, "how sure; 'pliant compare' draws its bands from it")
+    meant["posterior"] = block
     draft.write(target, meant, registry, full)
 
 

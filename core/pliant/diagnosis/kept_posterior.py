@@ -18,7 +18,7 @@ from pliant.registry.discovery import Registry
 
 # A value of the study and of the block are the same within this share.
 SAME = 1e-6
-DIGITS = 7
+DIGITS, WRITTEN = 7, 12
 # Rounded correlations may not be quite those of a distribution; smaller eigenvalues are raised to this.
 SMALLEST = 1e-9
 
@@ -35,7 +35,7 @@ def block_of(posterior: Posterior, scatter: Mapping[str, Scatter]) -> PosteriorC
     """The block of a study whose effects have the posterior's values."""
     return PosteriorConfig(
         parameters=posterior.names,
-        values=tuple(posterior.values.tolist()),
+        values=tuple(float(f"{value:.{WRITTEN}g}") for value in posterior.values),
         sd=_rounded(posterior.sd),
         correlation=tuple(_rounded(row) for row in posterior.correlation),
         noise={name: _rounded([one.floor])[0] for name, one in scatter.items()},

@@ -55,16 +55,12 @@ class Posterior:
     @property
     def values(self) -> Array:
         """(k,) best values in the parameters' own units."""
-        return np.array(
-            [p.value(float(x)) for p, x in zip(self.candidate.parameters, self.x, strict=True)]
-        )
+        return np.array([p.value(float(x)) for p, x in zip(self.candidate.parameters, self.x, strict=True)])
 
     @property
     def rates(self) -> Array:
         """(k,) dv/dx of each parameter's value."""
-        return np.array(
-            [p.slope(float(x)) for p, x in zip(self.candidate.parameters, self.x, strict=True)]
-        )
+        return np.array([p.slope(float(x)) for p, x in zip(self.candidate.parameters, self.x, strict=True)])
 
     @property
     def sd(self) -> Array:

@@ -24,9 +24,7 @@ class Scatter:
     left: float
 
 
-def scatter_of(
-    noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitted: int
-) -> dict[str, Scatter]:
+def scatter_of(noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitted: int) -> dict[str, Scatter]:
     """Of a fit of so many parameters, which count against the independent readings of all outputs together.
 
     Args:
