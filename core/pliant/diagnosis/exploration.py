@@ -1,7 +1,10 @@
 """The model's readings at draws of a posterior: whether Laplace's approximation holds, and what prediction depends on.
 
-Check. A draw x of the approximation q counts with the weight w = p(x) / q(x), where p is likelihood times prior without
-any approximation. If q were p all weights were equal; D draws are worth (Σ w)² / Σ w² (Kong, Liu & Wong 1994).
+Check. Draws come from a normal distribution that is wider than the approximation, so that they meet what it may miss. A
+draw x counts with the weight w = p(x) / q(x), q its density and p likelihood times prior without any approximation; D
+draws are worth (Σ w)² / Σ w² (Kong, Liu & Wong 1994). Weighted mean and spread are then those of the posterior, and
+the approximation holds where they are close to its own. A hundred draws do not tell the far end of a bent valley; the
+profile intervals do (`leaning`), and where one of their sides is not as long as the normal one the bars are rough, too.
 
 Shares. How much of the prediction's variance over the posterior goes with a parameter: `first`, what would go away on
 average if it became known, with all that it tells about the others, and `total`, what would stay if all others became
@@ -16,20 +19,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
 
+from pliant.diagnosis.candidates import NINETY
 from pliant.diagnosis.fitting import Fitter, ReadingVector
 from pliant.diagnosis.posterior import Posterior
+from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.records.design import Array
 
 MOST_DRAWS, FEWEST_DRAWS = 128, 16
 # Readings that are predicted in all: fewer draws of long recordings.
 MOST_PREDICTED = 8_000_000
-# Below this share of the draws the bars and bands of the normal approximation are rough.
-ENOUGH = 0.5
+# Draws are spread by this factor more than the approximation.
+WIDER = 1.4
+# The approximation holds where no mean is off by more than this share of its standard deviation, no standard deviation
+# by more than this factor, as far as draws of this worth tell.
+OFF, FACTOR, ENOUGH = 0.3, 1.25, 12.0
+LEANING = 1.35
 SEED = 0
 # Of a draw, as of a fit, so many readings may be lost for want of an equilibrium.
 MOST_LOST = 0.02
@@ -52,28 +61,32 @@ class Exploration:
 
     Attributes:
         x: (D, k) draws.
-        log_weights: (D,) of p / q; −∞ where the model has no equilibrium.
+        weights: (D,) of each, their sum 1; all 0 where none has an equilibrium.
+        off: (k,) weighted mean less the approximation's, in its standard deviations; NaN without weights.
+        factor: (k,) weighted standard deviation over the approximation's.
         spread: by output the standard deviation that the parameters give its readings, root mean square, SI.
         shares: by output and parameter; empty for outputs whose readings no parameter moves.
     """
 
     x: Array
-    log_weights: Array
+    weights: Array
+    off: Array
+    factor: Array
     spread: Mapping[str, float]
     shares: Mapping[str, Mapping[str, Share]] = field(default_factory=dict)
 
     @property
-    def effective(self) -> float:
-        """How many of the draws' number they are worth, as a share; 0 where none has an equilibrium."""
-        if not np.isfinite(self.log_weights).any():
-            return 0.0
-        weights = np.exp(self.log_weights - self.log_weights.max())
-        return float(weights.sum() ** 2 / (weights @ weights) / len(weights))
+    def worth(self) -> float:
+        """How many draws of the posterior itself these are worth."""
+        squares = float(self.weights @ self.weights)
+        return 1.0 / squares if squares > 0.0 else 0.0
 
     @property
     def good(self) -> bool:
         """The normal approximation is close."""
-        return self.effective >= ENOUGH
+        sizes = np.maximum(self.factor, 1.0 / np.maximum(self.factor, 1e-9))
+        close = bool(np.all(np.abs(self.off) <= OFF) and np.all(sizes <= FACTOR))
+        return self.worth >= ENOUGH and close
 
 
 def explore(fitter: Fitter, posterior: Posterior, scale: float, count: int | None = None) -> Exploration:
@@ -85,20 +98,54 @@ def explore(fitter: Fitter, posterior: Posterior, scale: float, count: int | Non
         scale: s², what one independent reading adds to Σ r² by chance.
         count: draws; as many as `MOST_PREDICTED` readings allow by default.
     """
-    x = posterior.draws(count or draws_for(len(fitter.readings)), SEED)
+    wide = replace(posterior, covariance=WIDER**2 * posterior.covariance)
+    x = wide.draws(count or draws_for(len(fitter.readings)), SEED)
     predicted = np.array([_readings(fitter, posterior, point) for point in x])
     residual = fitter.readings.values - predicted
     lost = ~np.isfinite(residual)
     there = lost.mean(axis=1) <= MOST_LOST
     squares = np.where(lost, 0.0, residual) ** 2 @ fitter.weights
-    log_weights = np.where(there, log_density(squares, x, scale) - _log_normal(posterior, x), -np.inf)
-    kept = predicted[there]
+    logs = np.where(there, log_density(squares, x, scale) - _log_normal(wide, x), -np.inf)
+    weights = np.zeros(len(x)) if not there.any() else np.exp(logs - logs.max())
+    weights /= max(float(weights.sum()), 1e-300)
+    sd = np.sqrt(np.diag(posterior.covariance))
+    mean = weights @ x
     return Exploration(
         x=x,
-        log_weights=log_weights,
-        spread=_spread(fitter.readings, kept),
-        shares=_shares(fitter.readings, posterior, x[there], kept),
+        weights=weights,
+        off=(mean - posterior.x) / sd if there.any() else np.full(len(sd), np.nan),
+        factor=np.sqrt(weights @ (x - mean) ** 2) / sd,
+        spread=_spread(fitter.readings, predicted[there], weights[there]),
+        shares=_shares(fitter.readings, posterior, x[there], predicted[there]),
     )
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """A parameter one side of whose 90 % interval is `ratio` times as long as a normal distribution has it."""
+
+    name: str
+    upwards: bool
+    ratio: float
+
+
+def leaning(posterior: Posterior, found: Uncertainty) -> Leaning | None:
+    """The side of a profile interval that is least like the normal one, where that is more than `LEANING`.
+
+    Args:
+        posterior: tells in which x the distribution is normal.
+        found: profile intervals of the same parameters; sides that end at a bound are not looked at.
+    """
+    sides = []
+    for parameter, x, rate, one in zip(
+        posterior.candidate.parameters, posterior.x, posterior.rates, found.estimates, strict=True
+    ):
+        normal = NINETY * one.sd / abs(rate) if rate else np.inf
+        for upwards, end, is_open in ((False, one.low, one.open_low), (True, one.high, one.open_high)):
+            if not is_open and np.isfinite(normal) and normal > 0.0:
+                sides.append(Leaning(one.name, upwards, abs(parameter.x(end) - float(x)) / normal))
+    most = max(sides, key=lambda side: abs(np.log(max(side.ratio, 1e-9))), default=None)
+    return most if most is not None and not 1.0 / LEANING < most.ratio < LEANING else None
 
 
 def draws_for(readings: int) -> int:
@@ -121,12 +168,13 @@ def _readings(fitter: Fitter, posterior: Posterior, x: Array) -> Array:
     return fitter.readings.pack(prediction.runs)
 
 
-def _spread(readings: ReadingVector, predicted: Array) -> dict[str, float]:
-    if len(predicted) < 2:
+def _spread(readings: ReadingVector, predicted: Array, weights: Array) -> dict[str, float]:
+    if not weights.any():
         return {}
-    variance = np.nanvar(predicted, axis=0, ddof=1)
+    values = np.nan_to_num(predicted)
+    variance = weights @ (values - weights @ values) ** 2
     return {
-        name: float(np.sqrt(np.nanmean(variance[readings.output == k]))) * readings.scales[name]
+        name: float(np.sqrt(np.mean(variance[readings.output == k]))) * readings.scales[name]
         for k, name in enumerate(readings.outputs)
     }
 

@@ -17,7 +17,7 @@ from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.diagnosis.candidates import StudyCandidate
-from pliant.diagnosis.exploration import Exploration, explore
+from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
@@ -93,6 +93,13 @@ class Extension:
         return None if self.left_out is None else score(self.left_out, self.noise.floors)
 
     @property
+    def normal(self) -> bool | None:
+        """Whether the posterior is close to a normal distribution; None where it was not looked at."""
+        if self.exploration is None:
+            return None
+        return self.exploration.good and leaning(self.posterior, self.uncertainty) is None
+
+    @property
     def absent(self) -> tuple[str, ...]:
         """Effects that these readings do not show: no strength is told from zero."""
         return tuple(kind for kind in self.kinds if self.uncertainty.absent(kind))
@@ -156,8 +163,8 @@ def extend(
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
-    posterior = posterior_of(fitter, fit, noise.n_effective)
-    scale = square_per_reading(fitter, fit, noise.n_effective)
+    posterior = posterior_of(fit, fitter.weights, noise.n_effective)
+    scale = square_per_reading(fitter.weights, fit, noise.n_effective)
     return Extension(
         kinds=candidate.kinds,
         effects=candidate.with_values(values),

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.uncertainty import square_per_reading
 from pliant.records.design import Array
 
@@ -101,16 +101,16 @@ class Posterior:
         return np.asarray(np.clip(drawn[chosen], low, high))
 
 
-def posterior_of(fitter: Fitter, fit: EffectFit, n_effective: float) -> Posterior:
+def posterior_of(fit: EffectFit, weights: Array, n_effective: float) -> Posterior:
     """Laplace's approximation at a fit of one parameter or more.
 
     Args:
-        fitter: the fitter that made the fit: its readings and weights count.
         fit: at its optimum.
+        weights: (N,) of the readings, as the fitter had them.
         n_effective: independent readings that the fit rests on.
     """
-    scale = square_per_reading(fitter, fit, n_effective)
-    information = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes / scale
+    scale = square_per_reading(weights, fit, n_effective)
+    information = (fit.slopes * weights[:, None]).T @ fit.slopes / scale
     seen, vectors = np.linalg.eigh(information)
     covariance = (vectors / (np.maximum(seen, 0.0) + 1.0)) @ vectors.T
     return Posterior(fit.candidate, fit.x, covariance, max(n_effective - len(fit.x), 1.0))

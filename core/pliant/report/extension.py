@@ -14,7 +14,7 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
-from pliant.report.posterior import posterior_json, posterior_words, shares_brief
+from pliant.report.posterior import fitted_posterior_json, posterior_words, shares_brief
 
 
 def extension_document(
@@ -45,7 +45,7 @@ def extension_document(
             *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
             parameters_brief(found.uncertainty),
             *([shares] if shares else []),
-            *posterior_words(found.posterior, found.exploration),
+            *posterior_words(found),
             *falls,
         ),
         warnings=tuple(map(caveat, (*notes, *doubts))),
@@ -60,7 +60,7 @@ def extension_json(found: Extension) -> dict[str, Any]:
         "effects": list(found.kinds),
         "parameters": parameters_json(found.uncertainty, found.values),
         "correlation": found.uncertainty.correlation,
-        "posterior": posterior_json(found.posterior, found.exploration),
+        "posterior": fitted_posterior_json(found),
         "before": _score(found.before),
         "after": _score(found.after),
         "heldout": {} if heldout is None else errors_json(heldout),

@@ -44,7 +44,7 @@ from pliant.report.fitted import (
 from pliant.report.posterior import (
     bands_json,
     bands_words,
-    posterior_json,
+    fitted_posterior_json,
     posterior_words,
     shares_brief,
     shares_table,
@@ -104,7 +104,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "noise_floor": floors_json(found.floors),
         "judged": found.judged,
         "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
-        "posterior": None if final is None else posterior_json(final.posterior, final.exploration),
+        "posterior": None if final is None else fitted_posterior_json(final),
         "band": None if found.bands is None else bands_json(*_judged_band(found, measurement)),
         "next_experiment": next_run_json(found.next_run),
         "remarks": list(found.remarks),
@@ -159,7 +159,7 @@ def _how_sure(found: Improvement, measurement: Measurement) -> list[str]:
         return []
     of = "runs that were put aside" if found.locked.runs else "the runs that were fitted"
     held = bands_words(*_judged_band(found, measurement), of)
-    return [*posterior_words(found.final.posterior, found.final.exploration), *([held] if held else [])]
+    return [*posterior_words(found.final), *([held] if held else [])]
 
 
 def _judged_band(found: Improvement, measurement: Measurement) -> tuple[Bands, Measurement]:
@@ -249,18 +249,20 @@ def _band_picture(found: Improvement, measurement: Measurement) -> Picture | Non
 
     if found.bands is None:
         return None
-    band, aside = _judged_band(found, measurement)
     first, last = found.steps[0].locked.rmse, found.steps[-1].locked.rmse
-    held = [name for name in last if name in band.half_width()]
+    held = [name for name in last if name in found.bands.half_width()]
     if not held:
         return None
     output = max(held, key=lambda name: first[name] / last[name])
-    shown = Compared(aside, band.centre, compare(aside, band.centre), band)
+    centre = found.bands.centre
+    shown = Compared(measurement, centre, compare(measurement, centre), found.bands)
+    names = [measurement.runs[k].name for k in found.locked.runs] or [run.name for run in measurement.runs]
     which = "runs that were put aside" if found.locked.runs else "runs that were fitted"
-    cut = f" The first {MOST} of {len(aside.runs)}." if len(aside.runs) > MOST else ""
+    cut = f" The first {MOST} of {len(names)}." if len(names) > MOST else ""
     caption = (
-        f"{capital(unit_of(output).label)} in {which}, with the {whole_percent(band.level)} band of what the last "
-        f"model would read there: its parameters' posterior, its laws' error bars and the noise of a reading.{cut}"
+        f"{capital(unit_of(output).label)} in {which}, with the {whole_percent(found.bands.level)} band of what the "
+        "last model would read there: its parameters' posterior, its laws' error bars and the noise of a reading."
+        f"{cut}"
     )
-    names = [run.name for run in aside.runs[:MOST]]
+    names = names[:MOST]
     return Picture("bands", caption, runs_in_time(shown, output, names))

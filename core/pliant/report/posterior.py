@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.blind import blind_directions
-from pliant.diagnosis.exploration import Exploration, Share
+from pliant.diagnosis.exploration import ENOUGH, FACTOR, OFF, Share, leaning
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.posterior import Posterior
 from pliant.formatting import listed, unit_of, whole_percent
@@ -20,29 +22,37 @@ OUTPUTS_SHOWN = 3
 Shared = tuple[str, Mapping[str, Share]]  # a parameter, and its shares by output
 
 
-def posterior_json(posterior: Posterior, exploration: Exploration | None) -> dict[str, Any]:
-    """The keys of docs/extend_and_improve.md; numbers SI."""
-    found: dict[str, Any] = {
+def posterior_json(posterior: Posterior) -> dict[str, Any]:
+    """The distribution, and what the data do not see of it: keys of docs/extend_and_improve.md; numbers SI."""
+    return {
         "parameters": list(posterior.names),
         "values": posterior.values,
         "sd": posterior.sd,
         "correlation": posterior.correlation,
         "unseen": [asdict(one) for one in blind_directions(posterior)],
     }
-    if exploration is not None:
-        found |= {
-            "draws": len(exploration.x),
-            "draws_worth": exploration.effective,
-            "normal": exploration.good,
-            "depends_on": {
-                name: {parameter: asdict(share) for parameter, share in shares.items()}
-                for name, shares in exploration.shares.items()
-            },
-            "spread": {
-                name: {"value": value, "unit": si_unit(name)} for name, value in exploration.spread.items()
-            },
-        }
-    return found
+
+
+def fitted_posterior_json(found: Extension) -> dict[str, Any]:
+    """The same with what draws of it read."""
+    exploration = found.exploration
+    if exploration is None:
+        return posterior_json(found.posterior)
+    return {
+        **posterior_json(found.posterior),
+        "normal": found.normal,
+        "draws": len(exploration.x),
+        "draws_worth": exploration.worth,
+        "mean_off": exploration.off,
+        "sd_factor": exploration.factor,
+        "depends_on": {
+            name: {parameter: asdict(share) for parameter, share in shares.items()}
+            for name, shares in exploration.shares.items()
+        },
+        "spread": {
+            name: {"value": value, "unit": si_unit(name)} for name, value in exploration.spread.items()
+        },
+    }
 
 
 def bands_json(found: Bands, measurement: Measurement) -> dict[str, Any]:
@@ -54,15 +64,37 @@ def bands_json(found: Bands, measurement: Measurement) -> dict[str, Any]:
     return {"level": found.level, "outputs": outputs}
 
 
-def posterior_words(posterior: Posterior, exploration: Exploration | None) -> list[str]:
-    """What the data do not see, and whether the bars are rough, in sentences."""
-    words = [one.words for one in blind_directions(posterior)]
-    if exploration is not None and not exploration.good:
-        words.append(
-            f"The bars are approximate: {len(exploration.x)} draws of the normal approximation are worth "
-            f"{exploration.effective * len(exploration.x):.0f} of the posterior itself."
+def unseen_words(posterior: Posterior) -> list[str]:
+    """What the data do not see, in sentences."""
+    return [one.words for one in blind_directions(posterior)]
+
+
+def posterior_words(found: Extension) -> list[str]:
+    """The same, and whether the bars are rough."""
+    rough = "" if found.normal is not False else f"The bars are approximate: {_unlike(found)}."
+    return [*unseen_words(found.posterior), *([rough] if rough else [])]
+
+
+def _unlike(found: Extension) -> str:
+    """In what the posterior is unlike a normal distribution."""
+    exploration, side = found.exploration, leaning(found.posterior, found.uncertainty)
+    hold = "the 90 % intervals are profiles, which follow that"
+    if side is not None:
+        way = "up" if side.upwards else "down"
+        return (
+            f"the posterior of {side.name} is lopsided, and reaches {side.ratio:.1f} times as far {way} as its bar "
+            f"says; {hold}"
         )
-    return words
+    assert exploration is not None
+    if exploration.worth < ENOUGH:
+        return f"the posterior is so unlike a normal distribution that draws of one hardly meet it; {hold}"
+    told = np.maximum(np.abs(exploration.off) / OFF, np.abs(np.log(exploration.factor)) / np.log(FACTOR))
+    k = int(np.argmax(told))
+    way = "above" if exploration.off[k] > 0 else "below"
+    return (
+        f"the posterior of {found.posterior.names[k]} is {exploration.factor[k]:.2f} times as wide as its bar, its "
+        f"mean {abs(exploration.off[k]):.1f} bars {way} the best value; {hold}"
+    )
 
 
 def bands_words(found: Bands, measurement: Measurement, of: str) -> str:
