@@ -18,6 +18,8 @@ from pliant.registry.discovery import Registry
 
 # Half-width of a central 90 % interval in standard deviations.
 NINETY = 1.6449
+# A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
+PRIOR_WEIGHT = 0.1
 # Where fits of a strength start, as a share of the way from neutral to the far end of the plausible range.
 START_SHARE = 0.3
 MOST_STARTS = 3
@@ -70,6 +72,16 @@ class FitParameter:
     @property
     def is_form(self) -> bool:
         return self.declared.role == "form"
+
+    @property
+    def pull(self) -> float:
+        """Weight of the prior in x², in units of squared residuals: weak where it only keeps the idle in place.
+
+        Forms are nuisances with a real prior: 90 % of it lie in the plausible range.
+        """
+        if not self.is_form:
+            return PRIOR_WEIGHT
+        return NINETY**2 if self.declared.prior == "normal" else 1.0
 
     @property
     def plausible(self) -> tuple[float, float]:

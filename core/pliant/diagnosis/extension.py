@@ -138,9 +138,10 @@ def extend(
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
-    plain = fitter.look(present, np.zeros(0)).residual
+    parts = ground.predictor.steps_between_samples(effects)
+    plain = fitter.look(present, np.zeros(0), parts).residual
     before = readings.unpack(plain)
-    fit = fitter.fit(candidate, _starts(candidate, effects))
+    fit = fitter.fit(candidate, _starts(candidate, effects), parts)
     after = readings.unpack(fit.residual)
     noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
@@ -206,7 +207,9 @@ def _rounded(
             for one in found.estimates
         }
         effects = candidate.with_values(values)
-        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
+        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts).mean_square(
+            fitter.weights
+        )
         if abs(there - wanted) <= ROUNDING * wanted:
             break
     return values

@@ -34,12 +34,13 @@ class Row:
 
     Attributes:
         kinds: its effects, sorted by name; empty for "nothing is missing".
-        n_parameters: fitted numbers.
+        n_parameters: fitted strengths and shapes.
         mean_square: S, the mean squared residual in units of the floor's square.
         heldout_square: the same with each run left out of its own fit.
         unseen_square: the same with each condition left out, all its repeats together.
         unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
         at_limit: names of parameters that ended on a bound.
+        form_price: log-odds that forms cost which vary; 0 for the plain ones.
     """
 
     kinds: Kinds
@@ -49,6 +50,7 @@ class Row:
     unseen_square: float
     unseen: tuple[float, ...]
     at_limit: tuple[str, ...]
+    form_price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,8 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     found = {}
     for kinds, row in table.rows.items():
         square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
-        found[kinds] = -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - price * len(kinds)
+        paid = 0.5 * row.n_parameters * np.log(n) + price * len(kinds) + row.form_price
+        found[kinds] = -0.5 * n * np.log(square) - paid
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)

@@ -23,7 +23,7 @@ from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import Followed, History
+from pliant.records.history import Followed, History, held
 from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 
@@ -32,6 +32,10 @@ POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
 # A marker may be said to sit this share of the length outside the chain.
 BEYOND = 0.05
 RunReadings = dict[str, Array]
+# Integration is fine enough where twice as many steps change an output by less than this share of its range.
+CLOSE = 5e-4
+# At most so many steps from sample to sample, and in all runs together.
+MOST_PARTS, MOST_STEPS = 16, 400_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +64,7 @@ class Predictor:
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
-        self._histories = [run.history for run in measurement.runs]
+        self._histories, self.parts = [run.history for run in measurement.runs], 1
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
             if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
@@ -102,10 +106,42 @@ class Predictor:
     def for_runs(self, measurement: Measurement) -> Predictor:
         """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
         other = copy.copy(self)
-        other.measurement = measurement
+        other.measurement, other.parts = measurement, 1
         other._histories = [run.history for run in measurement.runs]
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
+
+    def refined(self, parts: int) -> Predictor:
+        """The same model, integrated in `parts` steps from each sample to the next."""
+        if parts == self.parts:
+            return self
+        other = copy.copy(self)
+        other.parts = parts
+        return other
+
+    def steps_between_samples(self, effects: Sequence[EffectConfig] = (), least: int = 1) -> int:
+        """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
+
+        Rates and memories are integrated by an implicit step whose error falls with its length: dynamics that are
+        faster than the sampling need more of them. Models without memory or clock need one.
+        """
+        timed = sum(len(history) for history in self._histories if history.time_s is not None)
+        model = self._changed(self._base, effects)
+        moves = model.inputs or model.outputs or any(term.needs_time for term in model.chain.terms)
+        if not timed or not moves or self.backend.capabilities.dynamic:
+            return least
+        ranges = {
+            name: float(np.ptp(finite)) if len(finite := values[np.isfinite(values)]) else 0.0
+            for name in self.outputs
+            for values in [np.concatenate([run.outputs[name] for run in self.measurement.runs])]
+        }
+        parts, here = least, self.refined(least).evaluate(effects).runs
+        while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
+            finer = self.refined(2 * parts).evaluate(effects).runs
+            if all(_change(here, finer, name) <= CLOSE * span for name, span in ranges.items()):
+                break
+            parts, here = 2 * parts, finer
+        return parts
 
     @property
     def chain(self) -> ChainModel:
@@ -118,12 +154,12 @@ class Predictor:
         return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
 
     def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
-        """Predicted outputs of each run; see `Prediction`.
+        """Predicted outputs of each run, in as many steps as they need; see `Prediction`.
 
         Raises:
             NotReachedError: no sample of any run has an equilibrium.
         """
-        prediction = self.evaluate(effects)
+        prediction = self.refined(self.steps_between_samples(effects)).evaluate(effects)
         if prediction.n_failed == sum(map(len, self._histories)):
             raise NotReachedError("the model has no equilibrium in any of the measured states")
         return prediction.runs
@@ -134,7 +170,7 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
-        reached = [model.commanded(h) for h in driven]
+        reached = self._reached(model, driven)
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached), failed)
@@ -144,8 +180,8 @@ class Predictor:
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
-        driven = tuple(model.commanded(h) for h in self._histories)
-        variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
+        driven = tuple(self._reached(model, self._histories))
+        variations = [Variation(m.chain, tuple(self._reached(m, self._histories))) for m in models]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven)
         differences = []
@@ -163,10 +199,14 @@ class Predictor:
         check_terms(self.backend, model.chain)
         return model
 
+    def _reached(self, model: Model, histories: Sequence[History]) -> list[History]:
+        """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
+        return [model.commanded(h if self.parts == 1 else held(h).refined(self.parts)) for h in histories]
+
     def _read(
         self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
     ) -> tuple[RunReadings, ...]:
-        """What the sensors say of each run's path under the inputs that reach the chain."""
+        """What the sensors say at the samples of each run's path under the inputs that reach the chain."""
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
@@ -182,6 +222,8 @@ class Predictor:
                 run = {name: np.asarray(reported[name], float) for name in self.outputs}
             if not path.converged.all():
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
+            if history.time_s is not None and self.parts > 1:
+                run = {name: values[:: self.parts] for name, values in run.items()}
             runs.append(run)
         return tuple(runs)
 
@@ -237,6 +279,13 @@ class Predictor:
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
         return name == ("elongation_strain" if prismatic else "angle_rad")
+
+
+def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str) -> float:
+    """Root mean square of what an output changes by, over the samples that both have."""
+    difference = np.concatenate([a[name] - b[name] for a, b in zip(one, other, strict=True)])
+    there = difference[np.isfinite(difference)]
+    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
 
 
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
