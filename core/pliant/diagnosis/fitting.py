@@ -338,6 +338,20 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     return left
 
 
+# A run by itself is left out in blocks: so many, dealt out to so many folds.
+BLOCKS, FOLDS = 24, 6
+
+
+def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
+    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
+    block = np.empty(len(readings), np.intp)
+    for run in range(readings.n_runs):
+        for output in range(len(readings.outputs)):
+            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
+            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
+    return block
+
+
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
     """(runs,) number of the condition of each run: repeats share one."""
     condition = np.arange(n_runs)
