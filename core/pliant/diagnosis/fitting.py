@@ -321,16 +321,16 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     low, high = fit.candidate.limits()
     pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
     prior = np.diag(pull)
+    # a form that the other readings do not know is the plain one, which is known
+    forms = np.diag([parameter.pull * parameter.is_form for parameter in fit.candidate.parameters])
     whole = fit.slopes.T @ fit.slopes
     left = fit.residual.copy()
     for group in np.unique(groups):
         mine = groups == group
         slopes, residual = fit.slopes[~mine], fit.residual[~mine]
         normal = slopes.T @ slopes
-        if (
-            plain is not None
-            and np.linalg.eigvals(np.linalg.solve(whole + prior, normal)).real.min() < LEAST_LEFT
-        ):
+        known = np.linalg.solve(whole + prior, normal + forms)
+        if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
         move = np.linalg.solve(normal + prior, slopes.T @ residual - pull * fit.x)

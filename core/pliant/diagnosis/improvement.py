@@ -2,7 +2,7 @@
 
 Two questions are answered apart. Whether the model predicts better decides about a step: it is taken as long as runs,
 conditions or blocks that are left out of the fit are predicted better by more than the uncertainty of that, with one
-run and few readings too. Which cause it is, the verdict says: where it leaves that open the step says what it stands for.
+run and few readings too. Which cause it is, the verdict says: where it leaves that open the step says what it is for.
 `named_only` takes steps only where a verdict names an effect or a group of look-alikes.
 
 Runs that are put aside at the start are never looked at by a choice: they are only reported. All decisions (verdicts,
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Literal
 
 from pliant.config.study import Study
@@ -421,7 +421,8 @@ def _core(found: Diagnosis) -> SharedEffect | None:
     """What the credible explanations agree on, where none of them is believed by itself."""
     if found.verdict != "ambiguous":
         return None
-    alike = frozenset(frozenset((pair.a, pair.b)) for pair in found.indistinguishable)
+    alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
+    alike |= {frozenset(pair) for pair in combinations(found.judgement.selected_class, 2)}
     return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
 
 
