@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.diagnosis.tables import row, table
 
 from pliant.diagnosis.verdict import (
+    COINCIDENCE,
     NOTHING,
     THRESHOLDS,
     UNKNOWN,
@@ -109,8 +110,13 @@ def test_sets_of_one_size_are_weighed_alike_whatever_their_parts_explain_alone()
 def test_a_rival_that_leaves_little_is_not_excluded_by_more_readings(n: float) -> None:
     """A share of what an effect explains may be left by a form that is not quite ours, whichever effect it is."""
     little = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.005 * 8.0}, n=n)
+    precise = table({(): 9e4, ("a",): 1.0, ("b",): 1.0 + 0.005 * 9e4}, n=n)
     much = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.1 * 8.0}, n=n)
-    assert 0.0 < odds(little, ("a",), ("b",)) <= THRESHOLDS.rival_form * 0.005 + 1e-9
+    due = THRESHOLDS.rival_form * 0.005 + COINCIDENCE * np.log(1.0 + 0.04 / THRESHOLDS.excited**2)
+    assert 0.0 < odds(little, ("a",), ("b",)) <= due
+    assert judge(precise, THRESHOLDS, 2).selected == (
+        "a",
+    )  # it would have to meet the other one's form by chance
     assert judge(little, THRESHOLDS, 2).verdict == "ambiguous"
     assert judge(much, THRESHOLDS, 2).selected == ("a",)
 

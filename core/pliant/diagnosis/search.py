@@ -217,7 +217,9 @@ class HypothesisSearch:
             for kinds, one in zip(tried, done, strict=True):
                 fit = one.unwrap()
                 price, n = form_price(fit, table.noise.n_effective), table.noise.n_effective
-                gain = 0.5 * n * np.log(self.rows[kinds].mean_square / max(fit.mean_square(), LEAST_SQUARE))
+                squares = (self.rows[kinds].mean_square, fit.mean_square())
+                before, after = (max(square, LEAST_SQUARE) for square in squares)
+                gain = 0.5 * n * np.log(before / after)
                 if gain + self.rows[kinds].form_price > price:
                     self._keep(kinds, fit, price)
                 self.tick(" + ".join(kinds) + ", relatives")

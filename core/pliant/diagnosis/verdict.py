@@ -125,6 +125,8 @@ class EvidenceThresholds:
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
+# Half the number of independent ways in which a form may be wrong.
+COINCIDENCE = 2.0
 
 
 def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
@@ -154,7 +156,9 @@ def _pay_rivals(
 ) -> None:
     """No hypothesis gets more against a rival of its size than is due to it, in place.
 
-    With x the share of what the exchanged effects explain that the rival leaves over, at most `rival_form` · x.
+    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above the
+    noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival right
+    with a form of its own, the best one would have to meet it by chance as closely as it does.
     """
     for size in {len(kinds) for kinds in found} - {0}:
         rivals = [
@@ -173,7 +177,16 @@ def _pay_rivals(
             allowed = _allowance(table, kinds, thresholds)
             lost = 0.5 * n * np.log((mine + allowed) / (top + allowed))
             if explained > 0.0:
-                found[kinds] += max(lost - thresholds.rival_form * (mine - top) / explained, 0.0)
+                chance = COINCIDENCE * np.log(
+                    _above(table, mine, n, thresholds) / _above(table, top, n, thresholds)
+                )
+                found[kinds] += max(lost - thresholds.rival_form * (mine - top) / explained - chance, 0.0)
+
+
+def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
+    """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
 
 
 def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
