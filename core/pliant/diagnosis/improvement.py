@@ -225,7 +225,7 @@ class _Walk:
         while True:
             found = self._diagnose()
             proposals = [self._named(found), None if named_only else self._predicting(found)]
-            refused = (found.verdict, "")
+            refused: tuple[str, str] = (found.verdict, "")
             for proposal in filter(None, proposals):
                 refused = self._refused(proposal, most_steps)
                 if not refused[0]:

@@ -156,9 +156,9 @@ def _pay_rivals(
 ) -> None:
     """No hypothesis gets more against a rival of its size than is due to it, in place.
 
-    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above the
-    noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival right
-    with a form of its own, the best one would have to meet it by chance as closely as it does.
+    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above
+    the noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival
+    right with a form of its own, the best one would have to meet it by chance as closely as it does.
     """
     for size in {len(kinds) for kinds in found} - {0}:
         rivals = [

@@ -112,7 +112,11 @@ class Predictor:
         return other
 
     def refined(self, parts: int) -> Predictor:
-        """The same model, integrated in `parts` steps from each sample to the next."""
+        """The same model, integrated in `parts` steps from each sample to the next, 1 or an even number.
+
+        The implicit step of the engines has an error of first order in its length, which half as many steps show: twice
+        the finer path less the coarser one is of second order (Richardson, Phil. Trans. R. Soc. A 226, 1927).
+        """
         if parts == self.parts:
             return self
         other = copy.copy(self)
@@ -122,20 +126,16 @@ class Predictor:
     def steps_between_samples(self, effects: Sequence[EffectConfig] = (), least: int = 1) -> int:
         """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
 
-        Rates and memories are integrated by an implicit step whose error falls with its length: dynamics that are
-        faster than the sampling need more of them. Models without memory or clock need one.
+        Dynamics that are faster than the sampling need more of them; models without memory or clock need one.
         """
         timed = sum(len(history) for history in self._histories if history.time_s is not None)
         model = self._changed(self._base, effects)
         moves = model.inputs or model.outputs or any(term.needs_time for term in model.chain.terms)
         if not timed or not moves or self.backend.capabilities.dynamic:
             return least
-        ranges = {
-            name: float(np.ptp(finite)) if len(finite := values[np.isfinite(values)]) else 0.0
-            for name in self.outputs
-            for values in [np.concatenate([run.outputs[name] for run in self.measurement.runs])]
-        }
         parts, here = least, self.refined(least).evaluate(effects).runs
+        measured = [run.outputs for run in self.measurement.runs]
+        ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
         while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
             finer = self.refined(2 * parts).evaluate(effects).runs
             if all(_change(here, finer, name) <= CLOSE * span for name, span in ranges.items()):
@@ -170,25 +170,45 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
-        reached = self._reached(model, driven)
+        found = self._evaluate(model, driven, self.parts)
+        if self.parts == 1:
+            return found
+        coarser = self._evaluate(model, driven, self.parts // 2)
+        return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
+
+    def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
+        reached = _reached(model, driven, parts)
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
-        return Prediction(self._read(model, paths, reached), failed)
+        return Prediction(self._read(model, paths, reached, parts), failed)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
-        model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
-        driven = tuple(self._reached(model, self._histories))
-        variations = [Variation(m.chain, tuple(self._reached(m, self._histories))) for m in models]
+        models = [self._changed(self._base, changed) for changed in (effects, *towards)]
+        found, differences = self._vary(models, self.parts)
+        if self.parts == 1:
+            return found, differences
+        coarser, others = self._vary(models, self.parts // 2)
+        runs = _extrapolated(found.runs, coarser.runs)
+        pairs = zip(differences, others, strict=True)
+        return Prediction(runs, found.n_failed), tuple(_extrapolated(fine, coarse) for fine, coarse in pairs)
+
+    def _vary(
+        self, models: Sequence[Model], parts: int
+    ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
+        """Of the first model, towards each of the others."""
+        model, *others = models
+        driven = tuple(_reached(model, self._histories, parts))
+        variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
-        base = self._read(model, paths, driven)
+        base = self._read(model, paths, driven, parts)
         differences = []
-        for other, change, variation in zip(models, changes, variations, strict=True):
+        for other, change, variation in zip(others, changes, variations, strict=True):
             pairs = zip(paths, change, strict=True)
             moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
-            there = zip(base, self._read(other, moved, variation.histories), strict=True)
+            there = zip(base, self._read(other, moved, variation.histories, parts), strict=True)
             differences.append(tuple({name: b[name] - a[name] for name in a} for a, b in there))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
@@ -199,22 +219,18 @@ class Predictor:
         check_terms(self.backend, model.chain)
         return model
 
-    def _reached(self, model: Model, histories: Sequence[History]) -> list[History]:
-        """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
-        return [model.commanded(h if self.parts == 1 else held(h).refined(self.parts)) for h in histories]
-
     def _read(
-        self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
+        self, model: Model, paths: Sequence[Followed], histories: Sequence[History], parts: int
     ) -> tuple[RunReadings, ...]:
         """What the sensors say at the samples of each run's path under the inputs that reach the chain."""
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
         ends = np.cumsum([len(history) for history in histories])[:-1]
-        parts = {name: np.split(values, ends) for name, values in true.items()}
+        of_runs = {name: np.split(values, ends) for name, values in true.items()}
         runs = []
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
-            run = {name: parts[name][k] for name in self.outputs}
+            run = {name: of_runs[name][k] for name in self.outputs}
             if model.outputs:  # maps of the readings see the clock and the actuation too
                 clock = {} if history.time_s is None else {"time_s": history.time_s}
                 pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
@@ -222,8 +238,8 @@ class Predictor:
                 run = {name: np.asarray(reported[name], float) for name in self.outputs}
             if not path.converged.all():
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
-            if history.time_s is not None and self.parts > 1:
-                run = {name: values[:: self.parts] for name, values in run.items()}
+            if history.time_s is not None and parts > 1:
+                run = {name: values[::parts] for name, values in run.items()}
             runs.append(run)
         return tuple(runs)
 
@@ -279,6 +295,25 @@ class Predictor:
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
         return name == ("elongation_strain" if prismatic else "angle_rad")
+
+
+def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
+    """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
+    return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+
+
+def _extrapolated(fine: Sequence[RunReadings], coarse: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
+    """Of second order in the step, from two of first order, one with twice the steps of the other."""
+    return tuple(
+        {name: 2.0 * values - b[name] for name, values in a.items()}
+        for a, b in zip(fine, coarse, strict=True)
+    )
+
+
+def _range(runs: Sequence[Mapping[str, Array]], name: str) -> float:
+    values = np.concatenate([run[name] for run in runs])
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str) -> float:
