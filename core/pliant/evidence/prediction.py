@@ -17,6 +17,7 @@ from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.files import Sources, read_measurements
+from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
@@ -134,6 +135,8 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
+        if any(map(is_held, driven)):
+            return self._held(model, driven)
         reached = [model.commanded(h) for h in driven]
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
@@ -144,6 +147,10 @@ class Predictor:
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
+        if any(map(is_held, self._histories)):
+            held = self._held(model, self._histories)
+            others = [self._held(other, self._histories).runs for other in models]
+            return held, tuple(_differences(held.runs, other) for other in others)
         driven = tuple(model.commanded(h) for h in self._histories)
         variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
         paths, changes = self.backend.follow(model.chain, driven, variations)
@@ -152,10 +159,17 @@ class Predictor:
         for other, change, variation in zip(models, changes, variations, strict=True):
             pairs = zip(paths, change, strict=True)
             moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
-            there = zip(base, self._read(other, moved, variation.histories), strict=True)
-            differences.append(tuple({name: b[name] - a[name] for name in a} for a, b in there))
+            differences.append(_differences(base, self._read(other, moved, variation.histories)))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
+
+    def _held(self, model: Model, histories: Sequence[History]) -> Prediction:
+        """What is read of a joint whose coordinate the bench imposes; effects of inputs act on its supply alone."""
+        reached = [model.commanded(without_held(model.chain, history)) for history in histories]
+        coordinates = imposed(model.chain, histories)
+        paths = [Followed(u[:, None, None], np.ones(len(u), bool)) for u in coordinates]
+        efforts = blocked_efforts(model.chain, reached, coordinates)
+        return Prediction(self._read(model, paths, reached, efforts), 0)
 
     def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
         for config in effects:
@@ -164,14 +178,22 @@ class Predictor:
         return model
 
     def _read(
-        self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
+        self,
+        model: Model,
+        paths: Sequence[Followed],
+        histories: Sequence[History],
+        efforts: Sequence[Array] = (),
     ) -> tuple[RunReadings, ...]:
-        """What the sensors say of each run's path under the inputs that reach the chain."""
+        """What the sensors say of each run's path under the inputs that reach the chain.
+
+        `efforts` (t,) of each run with which a held joint pushes back.
+        """
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
         ends = np.cumsum([len(history) for history in histories])[:-1]
         parts = {name: np.split(values, ends) for name, values in true.items()}
+        parts |= {name: list(efforts) for name in BLOCKED.values() if efforts and name in self.outputs}
         runs = []
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
             run = {name: parts[name][k] for name in self.outputs}
@@ -199,6 +221,8 @@ class Predictor:
             elif position := POSITION.fullmatch(name):
                 assert markers is not None
                 readings[name] = self._marker(markers, position[2])[:, "xyz".index(position[3])]
+            elif name in BLOCKED.values():
+                continue  # of the laws, not of the pose
             elif name == "elongation_strain":
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             else:
@@ -236,7 +260,14 @@ class Predictor:
         if position := POSITION.fullmatch(name):
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
+        if any(map(is_held, self._histories)):
+            return name == BLOCKED.get(self._geometry.kind)
         return name == ("elongation_strain" if prismatic else "angle_rad")
+
+
+def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
+    """Readings there less those of the base, run by run."""
+    return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
 
 
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
