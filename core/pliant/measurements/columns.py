@@ -54,7 +54,11 @@ EXAMPLES = (
     ),
     *("base_roll_rad", "base_pitch_rad", "base_yaw_rad", "cycle", "angle_rad", "joint_1_angle_rad"),
     *("tip_x_m", "tip_y_m", "tip_z_m", "marker_1_x_m", "marker_1_y_m", "marker_1_z_m"),
-    *("held_angle_rad", "held_elongation_strain", "blocked_moment_n_m", "blocked_force_n"),
+    *(
+        "held_elongation_strain",
+        "blocked_moment_n_m",
+        "blocked_force_n",
+    ),  # held_angle is too near to bend_angle
     *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
 )
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")
