@@ -18,7 +18,7 @@ from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.files import Sources, read_measurements
 from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
-from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
@@ -210,17 +210,20 @@ class Predictor:
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
         """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
         angles = q[:, :, self._geometry.main]
-        markers = None
+        markers, turned = None, None
         if any(POSITION.fullmatch(name) for name in self.outputs):
             geometry = ChainGeometry.of(model.chain)
-            markers = trajectory(geometry, q, base_rotations(geometry.base_rotation, base_angles))
+            bases = base_rotations(geometry.base_rotation, base_angles)
+            markers = trajectory(geometry, q, bases)
+            turned = orientations(geometry, q, bases) if self.measurement.marker_offsets_m else None
         readings: RunReadings = {}
         for name in self.outputs:
             if joint := JOINT_ANGLE.fullmatch(name):
                 readings[name] = angles[:, int(joint[1]) - 1]
             elif position := POSITION.fullmatch(name):
                 assert markers is not None
-                readings[name] = self._marker(markers, position[2])[:, "xyz".index(position[3])]
+                place = self._marker(markers, position[2], turned)
+                readings[name] = place[:, "xyz".index(position[3])]
             elif name in BLOCKED.values():
                 continue  # of the laws, not of the pose
             elif name == "elongation_strain":
@@ -229,8 +232,11 @@ class Predictor:
                 readings[name] = angles.sum(axis=1)
         return readings
 
-    def _marker(self, markers: Array, number: str | None) -> Array:
-        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
+    def _marker(self, markers: Array, number: str | None, turned: Array | None) -> Array:
+        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip.
+
+        `turned` (t, n + 1, 3, 3) are the bodies' orientations, where markers stand beside the centre line.
+        """
         if number is None:
             return markers[:, -1]
         arms = self.measurement.marker_arms_m
@@ -239,10 +245,12 @@ class Predictor:
         ends = self._arms()
         arm = float(np.clip(arms[int(number) - 1], 0.0, ends[-1]))
         piece = max(int(np.searchsorted(ends, arm, side="left")) - 1, 0)
-        if ends[piece + 1] == ends[piece]:
-            return markers[:, piece]
-        share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
-        return np.asarray((1.0 - share) * markers[:, piece] + share * markers[:, piece + 1])
+        span = ends[piece + 1] - ends[piece]
+        share = (arm - ends[piece]) / span if span else 0.0
+        place = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
+        if turned is not None:
+            place = place + turned[:, piece] @ np.asarray(self.measurement.marker_offsets_m[int(number) - 1])
+        return np.asarray(place)
 
     def _arms(self) -> Array:
         """(n + 2,) places of base, joints and tip along the chain at rest."""
