@@ -299,7 +299,7 @@ class StudyHandle:
         if out is not None and found.final is not None:
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             self._write(Path(out), found.final, data, improvement_origin(found, cited(measurement)), notes)
-            document = improvement_document(self.name, measurement, found, registry, effects or ())
+        document = improvement_document(self.name, measurement, found, registry, effects or ())
         return Result(found, document, plots.steps, frames.steps)
 
     def _write(self, target: Path, found: Extension, data: Data, note: str, notes: Mapping[str, str]) -> None:
