@@ -52,6 +52,24 @@ def test_marker_k_is_joint_k_and_the_last_one_the_tip(run: int) -> None:
         np.testing.assert_allclose(got, markers[:, place], atol=1e-15)
 
 
+def test_a_marker_beside_the_line_turns_with_its_piece() -> None:
+    length, aside = CHAIN.length_m, (0.002, -0.01, 0.02)
+    names = [f"marker_{k}_{axis}_m" for k in (1, 2) for axis in "xyz"]
+    on = read(*names, marker_arms_m=(0.0055, length))
+    off = read(*names, marker_arms_m=(0.0055, length), marker_offsets_m=(aside, aside))
+    paths, _ = ENGINE.follow(CHAIN, RUNS)
+    for run, (line, beside) in enumerate(zip(on, off, strict=True)):
+        turns = base_rotations(CHAIN.base_rotation, RUNS[run].base_angles_rad)
+        for marker, body in ((1, 0), (2, N)):
+            moved = np.stack(
+                [(beside[n] - line[n]) for n in names if n.startswith(f"marker_{marker}")], axis=1
+            )
+            for t in range(len(moved)):
+                bent = CHAIN.with_(base_rotation=turns[t])
+                frame = ChainGeometry.of(bent).forward(paths[run].joint_angles[t]).rotations[body]
+                np.testing.assert_allclose(moved[t], frame @ aside, atol=1e-12)
+
+
 def test_markers_with_arms_lie_on_the_rigid_pieces() -> None:
     length = CHAIN.length_m
     arms = (0.0, 0.0055, 0.011, length - 0.001, length)

@@ -17,7 +17,8 @@ from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.files import Sources, read_measurements
-from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
@@ -177,6 +178,8 @@ class Predictor:
         return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
 
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
+        if any(map(is_held, driven)):
+            return self._held(model, driven, parts)
         reached = _reached(model, driven, parts)
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
@@ -200,6 +203,10 @@ class Predictor:
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """Of the first model, towards each of the others."""
         model, *others = models
+        if any(map(is_held, self._histories)):
+            kept = self._held(model, self._histories, parts)
+            moved_runs = [self._held(other, self._histories, parts).runs for other in others]
+            return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
         driven = tuple(_reached(model, self._histories, parts))
         variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
@@ -208,10 +215,18 @@ class Predictor:
         for other, change, variation in zip(others, changes, variations, strict=True):
             pairs = zip(paths, change, strict=True)
             moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
-            there = zip(base, self._read(other, moved, variation.histories, parts), strict=True)
-            differences.append(tuple({name: b[name] - a[name] for name in a} for a, b in there))
+            differences.append(_differences(base, self._read(other, moved, variation.histories, parts)))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
+
+    def _held(self, model: Model, histories: Sequence[History], parts: int) -> Prediction:
+        """What is read of a joint whose coordinate the bench imposes; effects of inputs act on its supply alone."""
+        fine = [history.refined(parts) for history in histories]
+        reached = [model.commanded(without_held(model.chain, history)) for history in fine]
+        coordinates = imposed(model.chain, fine)
+        paths = [Followed(u[:, None, None], np.ones(len(u), bool)) for u in coordinates]
+        efforts = blocked_efforts(model.chain, reached, coordinates)
+        return Prediction(self._read(model, paths, reached, parts, efforts), 0)
 
     def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
         for config in effects:
@@ -220,14 +235,23 @@ class Predictor:
         return model
 
     def _read(
-        self, model: Model, paths: Sequence[Followed], histories: Sequence[History], parts: int
+        self,
+        model: Model,
+        paths: Sequence[Followed],
+        histories: Sequence[History],
+        parts: int,
+        efforts: Sequence[Array] = (),
     ) -> tuple[RunReadings, ...]:
-        """What the sensors say at the samples of each run's path under the inputs that reach the chain."""
+        """What the sensors say at the samples of each run's path under the inputs that reach the chain.
+
+        `efforts` (t,) of each run with which a held joint pushes back.
+        """
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
         ends = np.cumsum([len(history) for history in histories])[:-1]
         of_runs = {name: np.split(values, ends) for name, values in true.items()}
+        of_runs |= {name: list(efforts) for name in BLOCKED.values() if efforts and name in self.outputs}
         runs = []
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
             run = {name: of_runs[name][k] for name in self.outputs}
@@ -246,25 +270,33 @@ class Predictor:
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
         """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
         angles = q[:, :, self._geometry.main]
-        markers = None
+        markers, turned = None, None
         if any(POSITION.fullmatch(name) for name in self.outputs):
             geometry = ChainGeometry.of(model.chain)
-            markers = trajectory(geometry, q, base_rotations(geometry.base_rotation, base_angles))
+            bases = base_rotations(geometry.base_rotation, base_angles)
+            markers = trajectory(geometry, q, bases)
+            turned = orientations(geometry, q, bases) if self.measurement.marker_offsets_m else None
         readings: RunReadings = {}
         for name in self.outputs:
             if joint := JOINT_ANGLE.fullmatch(name):
                 readings[name] = angles[:, int(joint[1]) - 1]
             elif position := POSITION.fullmatch(name):
                 assert markers is not None
-                readings[name] = self._marker(markers, position[2])[:, "xyz".index(position[3])]
+                place = self._marker(markers, position[2], turned)
+                readings[name] = place[:, "xyz".index(position[3])]
+            elif name in BLOCKED.values():
+                continue  # of the laws, not of the pose
             elif name == "elongation_strain":
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             else:
                 readings[name] = angles.sum(axis=1)
         return readings
 
-    def _marker(self, markers: Array, number: str | None) -> Array:
-        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
+    def _marker(self, markers: Array, number: str | None, turned: Array | None) -> Array:
+        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip.
+
+        `turned` (t, n + 1, 3, 3) are the bodies' orientations, where markers stand beside the centre line.
+        """
         if number is None:
             return markers[:, -1]
         arms = self.measurement.marker_arms_m
@@ -273,10 +305,12 @@ class Predictor:
         ends = self._arms()
         arm = float(np.clip(arms[int(number) - 1], 0.0, ends[-1]))
         piece = max(int(np.searchsorted(ends, arm, side="left")) - 1, 0)
-        if ends[piece + 1] == ends[piece]:
-            return markers[:, piece]
-        share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
-        return np.asarray((1.0 - share) * markers[:, piece] + share * markers[:, piece + 1])
+        span = ends[piece + 1] - ends[piece]
+        share = (arm - ends[piece]) / span if span else 0.0
+        place = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
+        if turned is not None:
+            place = place + turned[:, piece] @ np.asarray(self.measurement.marker_offsets_m[int(number) - 1])
+        return np.asarray(place)
 
     def _arms(self) -> Array:
         """(n + 2,) places of base, joints and tip along the chain at rest."""
@@ -294,7 +328,14 @@ class Predictor:
         if position := POSITION.fullmatch(name):
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
+        if any(map(is_held, self._histories)):
+            return name == BLOCKED.get(self._geometry.kind)
         return name == ("elongation_strain" if prismatic else "angle_rad")
+
+
+def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
+    """Readings there less those of the base, run by run."""
+    return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
 
 
 def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
