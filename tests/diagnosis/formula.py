@@ -33,6 +33,12 @@ class FormulaPredictor:
     def evaluate(self, configs):
         return Prediction(self._readings(configs), 0)
 
+    def refined(self, parts):
+        return self
+
+    def steps_between_samples(self, effects=(), least=1):
+        return least
+
     def vary(self, configs, towards):
         base = self._readings(configs)
         changes = tuple(
