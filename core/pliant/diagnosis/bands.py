@@ -92,16 +92,17 @@ def bands(
         level: probability that a reading lies within.
         count: draws.
     """
-    runs = predictor.measurement.runs
-    draws = posterior.draws(count or draws_for(len(predictor.outputs) * sum(map(len, runs))), SEED)
+    runs, best = predictor.measurement.runs, posterior.candidate.configs(posterior.x)
+    parts = predictor.steps_between_samples(best)
+    readings = parts * len(predictor.outputs) * sum(map(len, runs))
+    draws = posterior.draws(count or draws_for(readings), SEED)
     models = _models(predictor, len(draws))
-    configs = [posterior.candidate.configs(x) for x in draws]
-    of_draws = [predictor.evaluate(effects).runs for effects in configs]
+    fine = predictor.refined(parts)
+    of_draws = [fine.evaluate(posterior.candidate.configs(x)).runs for x in draws]
     mean, parameters = _moments(of_draws)
     laws: list[dict[str, Array]] = [{name: np.zeros(len(run)) for name in predictor.outputs} for run in runs]
     if models is not None:
-        best = posterior.candidate.configs(posterior.x)
-        laws = _moments([model.evaluate(best).runs for model in models])[1]
+        laws = _moments([model.refined(parts).evaluate(best).runs for model in models])[1]
     quantile = float(scipy.stats.t.ppf((1.0 + level) / 2.0, posterior.freedom))
     low, high = [], []
     for centre, of_parameters, of_laws in zip(mean, parameters, laws, strict=True):

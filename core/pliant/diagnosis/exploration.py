@@ -89,18 +89,22 @@ class Exploration:
         return self.worth >= ENOUGH and close
 
 
-def explore(fitter: Fitter, posterior: Posterior, scale: float, count: int | None = None) -> Exploration:
+def explore(
+    fitter: Fitter, posterior: Posterior, scale: float, parts: int = 1, count: int | None = None
+) -> Exploration:
     """Predict the fitter's readings at draws of the posterior.
 
     Args:
         fitter: that of the fit.
         posterior: of the fit.
         scale: s², what one independent reading adds to Σ r² by chance.
+        parts: steps of the integration from sample to sample, as the fit had them.
         count: draws; as many as `MOST_PREDICTED` readings allow by default.
     """
     wide = replace(posterior, covariance=WIDER**2 * posterior.covariance)
-    x = wide.draws(count or draws_for(len(fitter.readings)), SEED)
-    predicted = np.array([_readings(fitter, posterior, point) for point in x])
+    x = wide.draws(count or draws_for(parts * len(fitter.readings)), SEED)
+    model, pack = fitter.predictor.refined(parts), fitter.readings.pack
+    predicted = np.array([pack(model.evaluate(posterior.candidate.configs(point)).runs) for point in x])
     residual = fitter.readings.values - predicted
     lost = ~np.isfinite(residual)
     there = lost.mean(axis=1) <= MOST_LOST
@@ -161,11 +165,6 @@ def log_density(squares: Array, x: Array, scale: float) -> Array:
 def _log_normal(posterior: Posterior, x: Array) -> Array:
     away = np.linalg.solve(posterior.covariance, (x - posterior.x).T)
     return np.asarray(-0.5 * np.sum((x - posterior.x).T * away, axis=0))
-
-
-def _readings(fitter: Fitter, posterior: Posterior, x: Array) -> Array:
-    prediction = fitter.predictor.evaluate(posterior.candidate.configs(x))
-    return fitter.readings.pack(prediction.runs)
 
 
 def _spread(readings: ReadingVector, predicted: Array, weights: Array) -> dict[str, float]:

@@ -149,12 +149,8 @@ def extend(
         ground: the bare model and the measurement.
         effects: what the model has already; those that are not fitted keep their values.
         kinds: what to fit, jointly.
-<<<<<<< HEAD
-        profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
-=======
         forms: those of them whose forms vary too.
-        profiles: profile intervals; without them ± 1.645 standard deviations.
->>>>>>> main
+        profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
 
     Raises:
         UserError: an unknown kind, or one that makes no sense for this chain.
@@ -191,7 +187,7 @@ def extend(
         or readings.unpack(heldout_residual(fit, blocks_of(readings), plain)),
         posterior=posterior.about(values),
         scatter=scatter_of(noise, after, len(fit.x)),
-        exploration=explore(fitter, posterior, scale) if profiles else None,
+        exploration=explore(fitter, posterior, scale, fit.parts) if profiles else None,
     )
 
 

@@ -60,7 +60,12 @@ def kept_posterior(registry: Registry, study: Study) -> KeptPosterior | None:
     kinds = list(dict.fromkeys(name.partition(".")[0] for name in block.parameters))
     if missing := [kind for kind in kinds if kind not in {effect.kind for effect in study.effects}]:
         raise _stale(study, f"is of '{missing[0]}', which is not among the effects")
-    candidate = StudyCandidate.among(registry, study.effects, kinds)
+    forms = [
+        effect.kind
+        for effect in study.effects
+        if any(f"{effect.kind}.{one.name}" in block.parameters for one in effect.form_parameters())
+    ]
+    candidate = StudyCandidate.among(registry, study.effects, kinds, forms)
     names = [parameter.name for parameter in candidate.parameters]
     if set(names) != set(block.parameters):
         other = next(iter(set(names) ^ set(block.parameters)))

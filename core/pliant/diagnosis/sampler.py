@@ -51,11 +51,12 @@ def sample_posterior(
     scale = square_per_reading(fitter.weights, fit, n_effective)
     laplace = posterior_of(fit, fitter.weights, n_effective)
     low, high = fit.candidate.limits()
+    model = fitter.predictor.refined(fit.parts)
 
     def log_probability(x: Array) -> float:
         if np.any(x < low) or np.any(x > high):
             return -np.inf
-        prediction = fitter.predictor.evaluate(fit.candidate.configs(x))
+        prediction = model.evaluate(fit.candidate.configs(x))
         residual = fitter.readings.values - fitter.readings.pack(prediction.runs)
         lost = ~np.isfinite(residual)
         if lost.mean() > MOST_LOST:
