@@ -124,10 +124,16 @@ class Predictor:
         other.parts = parts
         return other
 
-    def steps_between_samples(self, effects: Sequence[EffectConfig] = (), least: int = 1) -> int:
+    def steps_between_samples(
+        self,
+        effects: Sequence[EffectConfig] = (),
+        least: int = 1,
+        close: Mapping[str, float] | None = None,
+    ) -> int:
         """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
 
         Dynamics that are faster than the sampling need more of them; models without memory or clock need one.
+        `close`: the change of each output that is none, root mean square in its unit; a share of its range by default.
         """
         timed = sum(len(history) for history in self._histories if history.time_s is not None)
         model = self._changed(self._base, effects)
@@ -137,9 +143,10 @@ class Predictor:
         parts, here = least, self.refined(least).evaluate(effects).runs
         measured = [run.outputs for run in self.measurement.runs]
         ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
+        allowed = {name: CLOSE * span for name, span in ranges.items()} | dict(close or {})
         while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
             finer = self.refined(2 * parts).evaluate(effects).runs
-            if all(_change(here, finer, name) <= CLOSE * span for name, span in ranges.items()):
+            if all(_change(here, finer, name) <= allowed[name] for name in self.outputs):
                 break
             parts, here = 2 * parts, finer
         return parts
