@@ -178,10 +178,11 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
-        found = self._evaluate(model, driven, self.parts)
-        if self.parts == 1:
+        parts = _fitting_parts(model, self.parts)
+        found = self._evaluate(model, driven, parts)
+        if parts == 1:
             return found
-        coarser = self._evaluate(model, driven, self.parts // 2)
+        coarser = self._evaluate(model, driven, parts // 2)
         return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
 
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
@@ -197,10 +198,11 @@ class Predictor:
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         models = [self._changed(self._base, changed) for changed in (effects, *towards)]
-        found, differences = self._vary(models, self.parts)
-        if self.parts == 1:
+        parts = _fitting_parts(models[0], self.parts)
+        found, differences = self._vary(models, parts)
+        if parts == 1:
             return found, differences
-        coarser, others = self._vary(models, self.parts // 2)
+        coarser, others = self._vary(models, parts // 2)
         runs = _extrapolated(found.runs, coarser.runs)
         pairs = zip(differences, others, strict=True)
         return Prediction(runs, found.n_failed), tuple(_extrapolated(fine, coarse) for fine, coarse in pairs)
@@ -348,6 +350,11 @@ def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> t
 def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
     """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
     return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+
+
+def _fitting_parts(model: Model, parts: int) -> int:
+    """One with masses that are accelerated: their term is of second order and damps swings that no sample sees."""
+    return 1 if any(term.is_inertia for term in model.chain.terms) else parts
 
 
 def _extrapolated(fine: Sequence[RunReadings], coarse: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
