@@ -16,6 +16,7 @@ from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
+from pliant.measurements.beginnings import led_in
 from pliant.measurements.files import Sources, read_measurements
 from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
@@ -65,7 +66,8 @@ class Predictor:
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
-        self._histories, self.parts = [run.history for run in measurement.runs], 1
+        self.parts = 1
+        self._histories = led_in([run.history for run in measurement.runs])
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
             if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
@@ -108,7 +110,7 @@ class Predictor:
         """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
         other = copy.copy(self)
         other.measurement, other.parts = measurement, 1
-        other._histories = [run.history for run in measurement.runs]
+        other._histories = led_in([run.history for run in measurement.runs])
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
 
@@ -273,6 +275,8 @@ class Predictor:
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
             if history.time_s is not None and parts > 1:
                 run = {name: values[::parts] for name, values in run.items()}
+            if history.lead:
+                run = {name: values[history.lead :] for name, values in run.items()}
             runs.append(run)
         return tuple(runs)
 
