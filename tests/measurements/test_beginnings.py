@@ -84,3 +84,13 @@ def test_what_creeps_is_remembered_by_a_run_that_is_led_in() -> None:
     settled._histories = [cut]
     assert len(found) == len(truth)
     assert np.abs(found - truth).max() < 0.05 * np.abs(settled.predict(creep)[0]["angle_rad"] - truth).max()
+
+
+def test_a_run_that_settles_under_inputs_that_stand_still_keeps_what_follows() -> None:
+    held = History.of({"pressure_pa": np.full(200, P)}, TIME, run="late")
+    whole = History.of({"pressure_pa": cycle()}, TIME, run="whole")
+    readings = [{"angle_rad": 0.5 * (1.0 - np.exp(-TIME / 3.0))}, {"angle_rad": 0.5 * cycle() / P}]
+    known, said = with_known_states(measurement_of([held, whole], readings))
+    there = np.isfinite(known.runs[0].outputs["angle_rad"])
+    assert 7.0 < TIME[there][0] < 11.0 and there[-1] and "run 'late' first" in said[0]  # 3 s · ln 20
+    assert np.isfinite(known.runs[1].outputs["angle_rad"]).all()

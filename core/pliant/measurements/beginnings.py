@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import number, plural
-from pliant.measurements.doubts import DRIVEN, IDLE
+from pliant.measurements.doubts import DRIVEN, IDLE, settling
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
@@ -32,8 +32,16 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
     """The measurement without the readings after unknown states, and a sentence about them; none where all is known."""
     highest = _highest([run.history for run in measurement.runs])
     runs, found, seconds = [], [], 0.0
+    of_outputs = [settling(measurement.runs, name) for name in measurement.outputs]
+    settled = {
+        run.name: max(one[run.name][2] for one in of_outputs if run.name in one)
+        for run in measurement.runs
+        if any(run.name in one for one in of_outputs)
+    }
     for run in measurement.runs:
         unknown = unknown_states(run.history, highest)
+        if run.name in settled and run.history.time_s is not None:
+            unknown |= run.history.time_s < settled[run.name]
         if unknown.any():
             found.append(run.name)
             assert run.history.time_s is not None
