@@ -36,6 +36,9 @@ SHOWN = tuple(
     for kind in KINDS
     if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
 )
+# What beginnings and samples matter for.
+QUICK = ("viscous_damping", "supply_lag", "friction_hysteresis", "viscoelastic", "sensor_lag")
+QUICK_PROTOCOLS = ("midway", "coarse")
 NAMED = (*KINDS, CLEAN, *UNKNOWN)
 # Clean sets and unknown effects are of every robot in turn.
 TURNS = ("joint", "four", "finger", "chain")
@@ -86,6 +89,7 @@ class Plan:
         seeds: sets per effect; `clean`: clean sets; `unknown`: sets per unknown form; `pairs`: sets with two effects.
         weak: sets per effect at each of `WEAK_SNR`; `poor`, `noload`: sets per effect and clean ones under these
             protocols.
+        quick: sets per quick effect, and clean ones, whose recordings begin in mid-transient, and of coarse ones.
         plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
         other_every: every this many-th set of a kind is made of its other robot.
         share: part of every group that is done, from the first seeds on.
@@ -101,6 +105,7 @@ class Plan:
     weak: int = 2
     poor: int = 6
     noload: int = 1
+    quick: int = 8
     plan: int = 50
     improve: int = 2
     other_every: int = OTHER_EVERY
@@ -118,6 +123,9 @@ class Plan:
         for name, count in (("poor", self.poor), ("rich_noload", self.noload)):
             for kind, robot in usual.items():
                 every += [Task(name, self._set(kind, seed, robot, name)) for seed in range(count)]
+        for name, kind, seed in itertools.product(QUICK_PROTOCOLS, (*QUICK, CLEAN), range(self.quick)):
+            robot = usual[kind] if seed % 2 == 0 else robots_of(kind)[1]
+            every.append(Task(name, self._set(kind, seed, robot, name)))
         for seed in range(self.plan):
             # Effects in turn, of those that a poor recording of one joint shows.
             spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")

@@ -320,7 +320,7 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     assert read(tmp_path / "none.jsonl") == {}
 
 
-NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
+NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "quick", "plan", "improve"), 0)
 THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NONE)  # type: ignore[arg-type]
 
 
