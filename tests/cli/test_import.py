@@ -158,6 +158,7 @@ def test_a_new_study_runs_once_three_lines_are_filled_in(saved, pliant, tmp_path
     pliant("import", "a.csv", "--out", study).refused("there already")
 
 
+@pytest.mark.slow
 def test_a_study_may_be_extended_with_the_recording(saved, pliant, tmp_path):
     saved(FILES["mbar called Pa"])
     base = ROOT / "examples" / "hidden_effect" / "finger.yaml"

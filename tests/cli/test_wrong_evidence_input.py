@@ -139,6 +139,7 @@ def test_files_driven_by_different_inputs(call) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_same_run_in_two_files_gets_a_name_of_its_own(call, read) -> None:
     again = table(read=lambda k, run: [0.5 * k / N + 0.002 * np.sin(9 * k)])
     call("compare", JOINT, table(), again, options=("--json", "out.json")).done()

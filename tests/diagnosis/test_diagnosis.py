@@ -123,6 +123,7 @@ def test_slip_between_repeats_comes_first() -> None:
     assert found.next_run is not None and "again" in found.next_run.run
 
 
+@pytest.mark.slow
 def test_without_repeats_a_clean_model_cannot_be_called_complete() -> None:
     assert judged(measured(CHAIN, rich(1), seed=4)).verdict == "insufficient_data"
     assert judged(measured(CHAIN, rich(1), STIFF, seed=4), kinds=FEW).selected == ("stiffness",)

@@ -186,6 +186,7 @@ def test_parameters_hold_the_truth_within_what_is_printed(missing):
     assert hypotheses_table(missing.found, missing.hypotheses()).rows[0][1] == f"{share}; {time}"
 
 
+@pytest.mark.slow
 def test_values_outside_the_plausible_range_are_said():
     chain = joint()
     measurement = measured(chain, rich(), effect("stiffness", factor=2.0))

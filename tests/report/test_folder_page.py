@@ -154,6 +154,7 @@ uncertainty: {samples: 8}
 """
 
 
+@pytest.mark.slow
 def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
     write_table(table_of(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
     (tmp_path / "study.yaml").write_text(UNCERTAIN)

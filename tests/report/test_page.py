@@ -138,6 +138,7 @@ def test_a_page_shows_what_its_run_has(
         assert (width > 1500) == (name == "helix")
 
 
+@pytest.mark.slow
 def test_same_run_same_bytes(kit: Any, runs: dict[str, FinishedRun]) -> None:
     run = replace(runs["one"], designs=(design(kit, "body"),))
     assert render(run).html == render(run).html

@@ -72,6 +72,7 @@ def test_every_search_has_its_page(name: str) -> None:
     assert len(made.html) < LARGEST
 
 
+@pytest.mark.slow
 def test_fifty_thousand_candidates_and_sixteen_long_names_stay_small() -> None:
     wide = samples.one_branch(50_000, samples.wide_variables())
     html = render.page(search_document(samples.STUDY, wide)).html
@@ -157,6 +158,7 @@ search:
 """
 
 
+@pytest.mark.slow
 def test_a_written_folder_gives_the_same_page_again(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     study = load_study(tmp_path / "study.yaml", discover(), ())
