@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.report.pages import check_sound
+from tests.slow import slow_among
 
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData, ModuleShape
@@ -104,7 +105,7 @@ def document(*data: ModuleData) -> Any:
     return fem_document(study, [artifact(one) for one in data], ["fem.csv"] * len(data))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", ["spherical", "prismatic", "tendon"])
+@pytest.mark.parametrize("kind", slow_among(["spherical", "prismatic", "tendon"], "spherical", "prismatic"))
 def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
     made = page(document(KINDS[kind]))
     text = check_sound(made)
