@@ -33,7 +33,7 @@ class FormulaPredictor:
     def refined(self, parts):
         return self
 
-    def steps_between_samples(self, effects=(), least=1):
+    def steps_between_samples(self, effects=(), least=1, close=None):
         return least
 
     def vary(self, configs, towards):

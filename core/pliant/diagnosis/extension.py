@@ -143,7 +143,7 @@ def extend(
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
-    parts = ground.predictor.steps_between_samples(effects)
+    parts = fitter.steps(effects)
     plain = fitter.look(present, np.zeros(0), parts).residual
     before = readings.unpack(plain)
     fit = fitter.fit(candidate, _starts(candidate, effects), parts)

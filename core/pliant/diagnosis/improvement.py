@@ -42,6 +42,7 @@ from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
@@ -209,6 +210,7 @@ class _Walk:
         tick: Tick | None,
         workers: Workers,
     ) -> None:
+        measurement, self.unknown = with_known_states(measurement)
         self.bench, self.study, self.measurement, self.locked = bench, study, measurement, lock(measurement)
         self.kinds, self.tick, self.workers = kinds, tick, workers
         self.ground = Ground.of(bench, study, self.locked.training)
@@ -379,7 +381,13 @@ class _Walk:
             )
         reason = self._closing(stop, reason, steps[-1], noise)
         not_tried = self.last.not_tried if self.last is not None else ()
-        remarks = [*self.measurement.remarks, *self.ground.predictor.remarks, *not_tried, locked.why]
+        remarks = [
+            *self.measurement.remarks,
+            *self.unknown,
+            *self.ground.predictor.remarks,
+            *not_tried,
+            locked.why,
+        ]
         remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]
         single = "blocks of the one run, left out one after another, not of a run that nothing has seen"
         several = "runs left out one after another, not of runs that nothing has seen"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -52,6 +53,7 @@ from pliant.report.fitted import (
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
 MOST_SHOWN = 6  # hypotheses on the terminal
+WIDTH = 80  # characters of a line there
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
@@ -189,7 +191,8 @@ def implausible(found: Diagnosis) -> list[str]:
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
     every = list(found.judgement.probability)[:MOST_SHOWN]
     shown = found.judgement.credible[:MOST_SHOWN]
-    lines = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    lines = [line for text in fitted for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ")]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
