@@ -82,7 +82,7 @@ class SetSpec:
     """One set; with the same spec the same bytes come out.
 
     `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
-    None draws it from `SNR_RANGE`.
+    None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds.
     """
 
     kind: str
@@ -92,10 +92,11 @@ class SetSpec:
     protocol: str = "rich"
     split: Split = "judged"
     snr: float | None = None
+    draw: str = ""
 
     def generator(self) -> np.random.Generator:
         """Random numbers of this set alone."""
-        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}"
+        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}{self.draw}"
         return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16]))
 
 
