@@ -104,7 +104,8 @@ def bands(
     if models is not None:
         laws = _moments([model.refined(parts).evaluate(best).runs for model in models])[1]
     quantile = float(scipy.stats.t.ppf((1.0 + level) / 2.0, posterior.freedom))
-    low, high = [], []
+    low: list[RunReadings] = []
+    high: list[RunReadings] = []
     for centre, of_parameters, of_laws in zip(mean, parameters, laws, strict=True):
         low.append({})
         high.append({})

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import NINETY
 from pliant.diagnosis.fitting import Fitter, ReadingVector
@@ -201,7 +202,7 @@ def _of_output(posterior: Posterior, x: Array, centred: Array) -> dict[str, Shar
     emulator = _Emulator.of(posterior, x, left[:, :count] * size[:count])
     first, total = np.zeros(len(names)), np.zeros(len(names))
     for begin in range(len(names)):
-        order = np.roll(np.arange(len(names)), -begin)
+        order = np.roll(np.arange(len(names), dtype=np.intp), -begin)
         shares = _indices(posterior, emulator, order)
         first[order[0]], total[order[-1]] = shares[0][0], shares[1][-1]
     return {name: Share(float(first[k]), float(total[k])) for k, name in enumerate(names)}
@@ -219,7 +220,7 @@ class _Emulator:
         terms = _terms(posterior, x, 2)
         if 2 * terms.shape[1] > len(x):
             terms = _terms(posterior, x, 1)
-        return _Emulator(posterior, np.linalg.lstsq(terms, components, rcond=None)[0])
+        return _Emulator(posterior, np.asarray(np.linalg.lstsq(terms, components, rcond=None)[0], float))
 
     def __call__(self, x: Array) -> Array:
         """(n, c) at x (n, k)."""
@@ -238,7 +239,7 @@ def _terms(posterior: Posterior, x: Array, degree: int) -> Array:
     return np.stack(terms, axis=1)
 
 
-def _indices(posterior: Posterior, emulator: _Emulator, order: Array) -> tuple[Array, Array]:
+def _indices(posterior: Posterior, emulator: _Emulator, order: NDArray[np.intp]) -> tuple[Array, Array]:
     """(k,) first-order and total indices of independent numbers that draw the parameters in this order."""
     root = np.linalg.cholesky(posterior.covariance[np.ix_(order, order)])
     low, high = posterior.candidate.limits()

@@ -276,9 +276,9 @@ def write_extended_study(
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
-    block = block_of(found.posterior, found.scatter).canonical()
-    draft.set(("posterior",), block, "how sure; 'pliant compare' draws its bands from it")
-    meant["posterior"] = block
+    kept = block_of(found.posterior, found.scatter).canonical()
+    draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
+    meant["posterior"] = kept
     draft.write(target, meant, registry, full)
 
 
