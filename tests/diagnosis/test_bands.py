@@ -19,6 +19,7 @@ from pliant.diagnosis.kept_posterior import kept_posterior
 from pliant.diagnosis.posterior import Posterior
 from pliant.diagnosis.scatter import Scatter
 from pliant.registry.discovery import discover
+from pliant.store.store import ArtifactStore
 
 FITTED = (0, 2, 3, 6, 8, 9)  # virgin, fast and half, twice
 UNSEEN = (1, 4, 5)  # slow, level, pressed
@@ -93,8 +94,8 @@ def test_a_law_with_an_error_bar_widens_the_band(folder):
     text = STUDY.replace(STUDY[STUDY.index("surrogate:") : STUDY.index("chain:")], "")
     text += "surrogate: {kind: polynomial, data: fem.csv}\n"
     model = study(folder, text, "fem.yaml")
-    measurement = bench(folder, effect("viscoelastic"), text=text, runs=histories(1))
-    ground = Ground.of(BENCH, model, measurement)
+    measurement = bench(folder, effect("viscoelastic"), runs=histories(1))
+    ground = Ground.of(replace(BENCH, store=ArtifactStore(folder / "store")), model, measurement)
     assert ground.predictor.chain.laws[0].error is not None
     found = extend(ground, (), ["viscoelastic"], profiles=False)
     exact = ground.predictor.chain.with_(laws=tuple(_exact(law) for law in ground.predictor.chain.laws))
