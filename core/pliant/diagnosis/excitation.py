@@ -174,8 +174,11 @@ def _unexplained(others: Sequence[Excitation], b: Excitation, fitted: EffectFit 
     """Share of each other one's squared change that b's directions leave, from their orthonormal basis."""
     basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
     there = np.all(np.isfinite(basis), axis=1)
-    directions, size, _ = np.linalg.svd(basis[there], full_matrices=False)
-    directions = directions[:, size > SMALLEST * size.max(initial=0.0)]
+    upright, triangle = np.linalg.qr(
+        basis[there]
+    )  # cheaper for many readings than the next step on all of them
+    turned, size, _ = np.linalg.svd(triangle)
+    directions = upright @ turned[:, size > SMALLEST * size.max(initial=0.0)]
     shares = []
     for a in others:
         target = a.change[there]
