@@ -113,6 +113,11 @@ class Predictor:
         return self._base.chain
 
     @property
+    def main_axis(self) -> int:
+        """Which of a joint's coordinates is the main one."""
+        return self._geometry.main
+
+    @property
     def remarks(self) -> list[str]:
         """What was measured and the model does not have, in a sentence."""
         return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
@@ -139,12 +144,24 @@ class Predictor:
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached), failed)
 
+    def paths(self, effects: Sequence[EffectConfig] = ()) -> tuple[tuple[History, ...], tuple[Followed, ...]]:
+        """What reaches the chain in each run, effects' input maps done, and how the chain follows."""
+        model = self._changed(self._base, effects)
+        reached = tuple(model.commanded(h) for h in self._histories)
+        return reached, self.backend.follow(model.chain, reached)[0]
+
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
         driven = tuple(model.commanded(h) for h in self._histories)
+        if all(m.chain is model.chain and m.inputs == model.inputs for m in models):  # the sensors alone differ
+            paths, _ = self.backend.follow(model.chain, driven)
+            base = self._read(model, paths, driven)
+            seen = (zip(base, self._read(m, paths, driven), strict=True) for m in models)
+            varied = tuple(tuple({name: b[name] - a[name] for name in a} for a, b in one) for one in seen)
+            return Prediction(base, int(sum((~path.converged).sum() for path in paths))), varied
         variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven)
