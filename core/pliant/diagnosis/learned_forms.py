@@ -6,7 +6,7 @@ that stands still gives no form.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -25,6 +25,15 @@ SPREAD = 1e-3
 TAIL = 0.005
 TIMES_S = (1.0, 5.0, 25.0)
 WIDTHS = (0.05, 0.2)
+# Covariates of which the scale is searched once the form is chosen.
+TUNED = (
+    "rate",
+    "actuation_rate",
+    "actuation_direction",
+    "angle_direction",
+    "actuation_change",
+    "angle_change",
+)
 # Joints whose motion tells the ranges.
 MOST_JOINTS = 3
 
@@ -48,7 +57,9 @@ class LearnedForm:
     @property
     def complexity(self) -> tuple[int, int]:
         """Covariates, and how many of them are rates or carry a memory."""
-        return len(self.axes), sum(axis.name not in ("angle", "actuation", "temperature") for axis in self.axes)
+        return len(self.axes), sum(
+            axis.name not in ("angle", "actuation", "temperature") for axis in self.axes
+        )
 
     def block(self, value: Array, sd: Array | None = None) -> dict[str, Any]:
         """The effect's block of a study."""
@@ -101,20 +112,7 @@ FORMS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = (
 )
 
 
-def forms_of(predictor: Predictor) -> list[LearnedForm]:
-    """Every form whose covariates these runs vary, the simplest first."""
-    seen = _Seen(predictor)
-    found = []
-    for acts_on, wanted in FORMS:
-        options: list[tuple[CurveAxis, ...]] = [()]
-        for name, knots in wanted:
-            axes = seen.axes(name, knots, acts_on)
-            options = [(*before, axis) for before in options for axis in axes]
-        found += [LearnedForm(acts_on, axes) for axes in options]
-    return sorted(found, key=lambda form: (form.complexity, np.prod(form.shape)))
-
-
-class _Seen:
+class SeenMotion:
     """What the joints of a model go through in the runs that have readings."""
 
     def __init__(self, predictor: Predictor) -> None:
@@ -134,6 +132,28 @@ class _Seen:
         self.timed = all(history.time_s is not None for history in histories)
         self._known: dict[CurveAxis, Array] = {}
 
+    def forms(self) -> list[LearnedForm]:
+        """Every form whose covariates these runs vary, the simplest first."""
+        found = []
+        for acts_on, wanted in FORMS:
+            options: list[tuple[CurveAxis, ...]] = [()]
+            for name, knots in wanted:
+                axes = self.axes(name, knots, acts_on)
+                options = [(*before, axis) for before in options for axis in axes]
+            found += [LearnedForm(acts_on, axes) for axes in options]
+        return sorted(found, key=lambda form: (form.complexity, np.prod(form.shape)))
+
+    def rescaled(self, form: LearnedForm, which: int, share: float) -> LearnedForm | None:
+        """The form with the scale of one covariate changed by a share; None where it then stands still."""
+        axis = form.axes[which]
+        scaled = replace(axis, scale=float(f"{share * axis.scale:.2g}"))
+        found = self._axis(scaled, form.acts_on == "reading" and axis.name.startswith("angle"))
+        return (
+            None
+            if found is None
+            else replace(form, axes=(*form.axes[:which], found, *form.axes[which + 1 :]))
+        )
+
     @cached_property
     def readings(self) -> Array:
         """All angles that the model says the sensors read."""
@@ -149,7 +169,9 @@ class _Seen:
         if acts_on == "reading" and not len(self.readings):
             return []
         whole = acts_on == "reading" and name.startswith("angle")  # a reading is of the chain, not of a joint
-        found = [self._axis(CurveAxis(name, 0.0, 1.0, knots, scale), whole) for scale in self._scales(name, whole)]
+        found = [
+            self._axis(CurveAxis(name, 0.0, 1.0, knots, scale), whole) for scale in self._scales(name, whole)
+        ]
         return [axis for axis in found if axis is not None]
 
     def _scales(self, name: str, whole: bool) -> Sequence[float]:
@@ -201,9 +223,8 @@ class _Seen:
     def _values(self, axis: CurveAxis) -> Array:
         """All samples of the covariate in runs with readings."""
         if axis not in self._known:
-            kept: Mapping[str, Array] = {}
             parts = []
-            memories = dict(kept)
+            memories: dict[str, Array] = {}
             for body, run, read in self.runs:
                 memory = memories.setdefault(body, np.zeros(2)) if axis.name in KEPT else None
                 values = series(axis, run, memory)

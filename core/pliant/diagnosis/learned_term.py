@@ -9,17 +9,16 @@ rise on conditions left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.fitting import ReadingVector
-from pliant.diagnosis.learned_forms import LearnedForm, forms_of
+from pliant.diagnosis.learned_forms import TUNED, LearnedForm, SeenMotion
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.smooth_fit import Prior, Sums, left_out, most_likely
+from pliant.diagnosis.smooth_fit import LinearModel, Prior, Sums, left_out, most_likely
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -31,7 +30,11 @@ SURE, LEAST_FALL = 3.0, 0.03
 # Rise of the squared error on conditions left out that is still chance.
 MOST_RISE = 1.05
 # Gauss-Newton steps from the curve of the linear fit, and the fall of the squared error below which they end.
-MOST_STEPS, STILL = 4, 2e-3
+MOST_STEPS, STILL = 8, 2e-3
+# A curve that leaves less than this of the floor's square on runs left out leaves nothing for a surface.
+ENOUGH = 1.1
+# Forms that are fitted beyond the first order, the best of those that help; scales of a covariate that are tried.
+MOST_REFINED, MOST_SCALES = 4, 3
 # Values of a surface or curve are thinned to so many knots per length over which it changes.
 KNOTS_PER_LENGTH = 1.5
 FEWEST_KNOTS = 4
@@ -72,15 +75,31 @@ class LearnedTerm:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A form at the posterior mean of its values; `change` (N,) is what it does to each reading left out."""
+    """A form with its prior, to first order about no curve and about the values to which it has led.
+
+    Attributes:
+        mean: (K,) posterior mean by the last of the models.
+        left: (N,) residual of each reading with its fold left out.
+    """
 
     form: LearnedForm
     prior: Prior
-    value: Array
-    slopes: Array
-    residual: Array
-    change: Array
-    square: float
+    models: tuple[LinearModel, ...]
+    mean: Array
+    left: Array
+
+    @property
+    def square(self) -> float:
+        """Mean square on readings left out."""
+        return _square(self.left)
+
+    @property
+    def last(self) -> LinearModel:
+        return self.models[-1]
+
+    @property
+    def gram(self) -> Array:
+        return self.last.slopes.T @ self.last.slopes
 
 
 def learn(
@@ -119,59 +138,56 @@ class _Learner:
         self.predictor, self.readings = predictor, readings
         self.conditions, self.folds = conditions, folds
         self.config = predictor.bench.registry.get("effect", KIND).config_model()
+        self.seen = SeenMotion(predictor)
+        self.forms = self.seen.forms()
         self.plain = _filled(readings.values - readings.pack(predictor.predict()))
         self.n_effective = max(noise.n_effective, 2.0)
         square = noise.floor_square
-        self.floor_square = square if np.isfinite(square) and square > 0.0 else 1e-3 * self.square(self.plain)
-
-    @staticmethod
-    def square(residual: Array) -> float:
-        """Mean square."""
-        return float(residual @ residual) / max(len(residual), 1)
+        self.floor_square = square if np.isfinite(square) and square > 0.0 else 1e-3 * _square(self.plain)
 
     def learn(self) -> LearnedTerm | None:
         """See the function."""
-        forms = forms_of(self.predictor)
-        fitted = [one for form in forms if (one := self._linear(form)) is not None]
-        good = [one for one in fitted if self._helps(one)]
-        if not good:
+        fitted: list[_Fitted] = []
+        for n_covariates in (1, 2):
+            forms = [form for form in self.forms if len(form.axes) == n_covariates]
+            fitted += [one for form in forms if (one := self._linear(form)) is not None]
+            if fitted and min(one.square for one in fitted) < ENOUGH * self.floor_square:
+                break  # nothing is left for a surface to explain
+        good = sorted((one for one in fitted if self._helps(one)), key=lambda one: one.square)
+        refined = [self._refined(self._thinned(one)) for one in good[:MOST_REFINED]]
+        refined = [one for one in refined if self._helps(one)]
+        if not refined:
             return None
-        best = min(good, key=lambda one: one.square)
-        for one in sorted(good, key=lambda one: (one.form.complexity, one.prior.freedom(_gram(one)))):
-            if self._as_good(one, best):
-                found = self._refined(self._thinned(one))
-                if found is not None and self._helps(found):
-                    return self._term(found, len(fitted))
-        return None
+        best = min(refined, key=lambda one: one.square)
+        smallest = min(
+            (one for one in refined if self._as_good(one, best)),
+            key=lambda one: (one.form.complexity, one.prior.freedom(one.gram)),
+        )
+        return self._term(self._rescaled(smallest), len(fitted))
 
     def _linear(self, form: LearnedForm) -> _Fitted | None:
-        """The form fitted to the residuals of the model as it is."""
-        zero = np.zeros(int(np.prod(form.shape)))
-        return self._at(form, zero, None)
-
-    def _at(self, form: LearnedForm, value: Array, prior: Prior | None) -> _Fitted | None:
-        """One Gauss-Newton step from these values; None where the engine cannot, or the curve moves nothing."""
+        """The form fitted to the residuals of the model as it is; None where it cannot act, or moves no reading."""
         try:
-            residual, slopes = self._slopes(form, value)
+            model = self._model(form, np.zeros(int(np.prod(form.shape))))
         except PliantError:
             return None
-        aim = residual + slopes @ value
-        sums = Sums.of(slopes, aim, self.folds)
-        found = prior or most_likely(form.axes, sums, self.n_effective, self.floor_square)
-        if found is None:
-            return None
-        mean, _ = found.posterior(sums.gram.sum(axis=0), sums.right.sum(axis=0))
-        change = left_out(found, slopes, aim, self.folds)
-        return _Fitted(form, found, mean, slopes, aim, change, self.square(aim - change))
+        sums = Sums.of(model.slopes, model.aim, self.folds)
+        prior = most_likely(form.axes, sums, self.n_effective, self.floor_square)
+        return None if prior is None else self._fitted(form, prior, (model,))
 
-    def _slopes(self, form: LearnedForm, value: Array) -> tuple[Array, Array]:
-        """Residual (N,) at these values and slopes (N, K) of the prediction; 0 where there is no equilibrium."""
+    def _fitted(self, form: LearnedForm, prior: Prior, models: tuple[LinearModel, ...]) -> _Fitted:
+        slopes = models[-1].slopes
+        mean, _ = prior.posterior(slopes.T @ slopes, slopes.T @ models[-1].aim)
+        return _Fitted(form, prior, models, mean, left_out(prior, models, self.folds))
+
+    def _model(self, form: LearnedForm, value: Array) -> LinearModel:
+        """To first order about these values; 0 where there is no equilibrium."""
         step = self._step(form)
         towards = [(self._effect(form, value + step * row),) for row in np.eye(len(value))]
         prediction, changes = self.predictor.vary((self._effect(form, value),), towards)
         residual = _filled(self.readings.values - self.readings.pack(prediction.runs))
         slopes = np.stack([_filled(self.readings.pack(change)) for change in changes], axis=1) / step
-        return residual, slopes
+        return LinearModel(value, residual, slopes)
 
     def _step(self, form: LearnedForm) -> float:
         """A small change of a value, in its unit."""
@@ -182,69 +198,88 @@ class _Learner:
     def _effect(self, form: LearnedForm, value: Array, sd: Array | None = None) -> EffectConfig:
         return cast(EffectConfig, self.config.model_validate(form.block(value, sd)))
 
-    def _gain(self, one: _Fitted, over: _Fitted | None, by: Array) -> tuple[float, float]:
-        """Fall of the summed square on readings left out against another form, or none, and its standard error.
+    def _gain(self, one: Array, other: Array) -> tuple[float, float]:
+        """Fall of the summed square from the residuals `other` to `one`, and its standard error.
 
-        Of squares (r − a)² and (r − b)² the difference has, by the noise in r alone, the variance 4 σ² (a − b)², N/n_eff
-        times that of the sum where neighbours share their noise.
+        Of squares r² and (r − d)² the difference has, by the noise in r alone, the variance 4 σ² d², N/n_eff times that
+        in the sum where neighbours share their noise.
         """
-        other = np.zeros(len(self.plain)) if over is None else over.change
-        aim = self.plain if over is None else over.residual
-        fall = float(np.sum((aim - other) ** 2) - np.sum((one.residual - one.change) ** 2))
-        apart = float(np.sum((one.change - other) ** 2))
-        return fall, 2.0 * float(np.sqrt(self.floor_square * len(by) / self.n_effective * apart))
+        fall = float(other @ other - one @ one)
+        apart = float(np.sum((one - other) ** 2))
+        share = len(one) / self.n_effective
+        return fall, 2.0 * float(np.sqrt(self.floor_square * share * apart))
 
     def _helps(self, one: _Fitted) -> bool:
-        """The error on runs left out falls by more than its uncertainty, and that on conditions left out does not rise."""
-        fall, error = self._gain(one, None, self.plain)
-        total = float(self.plain @ self.plain)
-        if not (fall > SURE * error and one.square < (1.0 - LEAST_FALL) ** 2 * total / len(self.plain)):
+        """The error on runs left out falls beyond its uncertainty; that on conditions left out does not rise."""
+        fall, error = self._gain(one.left, self.plain)
+        total = _square(self.plain)
+        if not (fall > SURE * error and one.square < (1.0 - LEAST_FALL) ** 2 * total):
             return False
         if len(np.unique(self.conditions)) < 2:
             return True
-        change = left_out(one.prior, one.slopes, one.residual, self.conditions)
-        return float(np.sum((one.residual - change) ** 2)) < MOST_RISE * total
+        return _square(left_out(one.prior, one.models, self.conditions)) < MOST_RISE * total
 
     def _as_good(self, one: _Fitted, best: _Fitted) -> bool:
         """Within one standard error of the best."""
-        if one is best:
-            return True
-        fall, error = self._gain(best, one, self.plain)
-        return fall < error
+        fall, error = self._gain(best.left, one.left)
+        return one is best or fall < error
 
     def _thinned(self, one: _Fitted) -> _Fitted:
         """With no more knots than its lengths need; as it was where that predicts worse."""
-        shape = [
+        shape = tuple(
             min(n, max(FEWEST_KNOTS, int(np.ceil(KNOTS_PER_LENGTH / length)) + 1))
             for n, length in zip(one.form.shape, one.prior.lengths, strict=True)
-        ]
-        if tuple(shape) == one.form.shape:
+        )
+        if shape == one.form.shape:
             return one
         fewer = self._linear(one.form.with_knots(shape))
         return fewer if fewer is not None and self._as_good(fewer, one) else one
 
-    def _refined(self, one: _Fitted) -> _Fitted | None:
-        """Steps from where the linear fit has led the model, as long as they lower the error."""
-        best, square = None, self.square(self.plain)
+    def _refined(self, one: _Fitted) -> _Fitted:
+        """Gauss-Newton steps, halved where they lead too far, as long as they lower the cost."""
+        here = one.models[0]
+        start, factor = here, np.linalg.inv(one.prior.factor)
+        cost = self._cost(here, one.prior, factor)
         for _ in range(MOST_STEPS):
-            found = self._at(one.form, one.value, one.prior)
-            if found is None:
+            for share in (1.0, 0.5, 0.2):
+                model = self._model(one.form, here.value + share * (one.mean - here.value))
+                now = self._cost(model, one.prior, factor)
+                if now < cost:
+                    break
+            else:
                 break
-            now = self.square(found.residual - found.slopes @ one.value)  # of the model at one.value
-            if not now < square:
+            small = now > (1.0 - STILL) * cost
+            here, cost = model, now
+            one = self._fitted(one.form, one.prior, (start, here))
+            if small:
                 break
-            best = replace(found, value=one.value)
-            if now > (1.0 - STILL) * square:
-                break
-            square, one = now, found
-        return best
+        return one
+
+    def _cost(self, model: LinearModel, prior: Prior, factor: Array) -> float:
+        """−2 log posterior of the model's values."""
+        away = factor @ model.value
+        return prior.weight * float(model.residual @ model.residual) + float(away @ away)
+
+    def _rescaled(self, one: _Fitted) -> _Fitted:
+        """With other times, widths and rates of its covariates where these predict better."""
+        for k, axis in enumerate(one.form.axes):
+            if axis.name not in TUNED:
+                continue
+            for share in (0.6, 1.6):
+                for _ in range(MOST_SCALES):
+                    axes = self.seen.rescaled(one.form, k, share)
+                    other = self._linear(axes) if axes is not None else None
+                    other = None if other is None else self._refined(other)
+                    if other is None or not (other.square < one.square and self._helps(other)):
+                        break
+                    one = other
+        return one
 
     def _term(self, one: _Fitted, tried: int) -> LearnedTerm:
-        gram = _gram(one)
-        _, covariance = one.prior.posterior(gram, _right(one))
-        sd = np.sqrt(np.diag(covariance))
-        value, sd = _rounded(one.value, sd)
-        fall, error = self._gain(one, None, self.plain)
+        last = one.last
+        _, covariance = one.prior.posterior(one.gram, last.slopes.T @ last.aim)
+        value, sd = _rounded(last.value, np.sqrt(np.diag(covariance)))
+        fall, error = self._gain(one.left, self.plain)
         over = 1.0 / np.sqrt(self.floor_square)
         return LearnedTerm(
             effect=self._effect(one.form, value, sd),
@@ -252,22 +287,19 @@ class _Learner:
             value=value,
             sd=sd,
             covariance=covariance,
-            before=float(np.sqrt(self.square(self.plain))) * over,
+            before=float(np.sqrt(_square(self.plain))) * over,
             after=float(np.sqrt(one.square)) * over,
             sure=fall / error,
-            freedom=one.prior.freedom(gram),
-            residual=one.residual - one.slopes @ one.value,
-            left_out=one.residual - one.change,
+            freedom=one.prior.freedom(one.gram),
+            residual=last.residual,
+            left_out=one.left,
             tried=tried,
         )
 
 
-def _gram(one: _Fitted) -> Array:
-    return one.slopes.T @ one.slopes
-
-
-def _right(one: _Fitted) -> Array:
-    return one.slopes.T @ one.residual
+def _square(residual: Array) -> float:
+    """Mean square."""
+    return float(residual @ residual) / max(len(residual), 1)
 
 
 def _filled(values: Array) -> Array:

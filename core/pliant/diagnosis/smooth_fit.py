@@ -7,8 +7,8 @@ N readings worth n_eff independent ones of mean square σ²,
 
 C_ℓ the squared exponential of the knots' distances over ℓ. Size s and length ℓ are those at which the data are most
 likely with v integrated out (MacKay, Neural Comput. 4, 1992), σ² the noise floor's or, where the curve leaves more,
-what it leaves. The posterior N(m, V) has the error bars. Without a group of readings the mean follows from sums over the
-others; nothing is fitted anew.
+what it leaves. The posterior N(m, V) has the error bars. Without a group of readings the mean follows from sums over
+the others; nothing is fitted anew.
 """
 
 from __future__ import annotations
@@ -121,13 +121,37 @@ def _priors(
             yield evidence, Prior(np.sqrt(size) * lower, weight, lengths)
 
 
-def left_out(prior: Prior, slopes: Array, residual: Array, groups: NDArray[np.intp]) -> Array:
-    """(N,) what the curve changes in each reading, its values known from the other groups only."""
-    sums = Sums.of(slopes, residual, groups)
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """The readings to first order about some values (K,): residual (N,) there and slopes (N, K)."""
+
+    value: Array
+    residual: Array
+    slopes: Array
+
+    @property
+    def aim(self) -> Array:
+        """(N,) what the whole curve should change, to first order."""
+        return self.residual + self.slopes @ self.value
+
+
+def left_out(prior: Prior, models: Sequence[LinearModel], groups: NDArray[np.intp]) -> Array:
+    """(N,) residual of each reading, the curve's values known from the other groups only.
+
+    Values come from the last of the models, and predict by the one that they are nearest to: without the only group
+    that shows a curve it is nearly gone, and the model about no curve tells what is left.
+    """
+    last = models[-1]
+    sums = Sums.of(last.slopes, last.aim, groups)
     gram, right = sums.gram.sum(axis=0), sums.right.sum(axis=0)
-    change = np.zeros(len(residual))
+    left = np.zeros(len(last.residual))
     for k, group in enumerate(np.unique(groups)):
         mine = groups == group
         mean, _ = prior.posterior(gram - sums.gram[k], right - sums.right[k])
-        change[mine] = slopes[mine] @ mean
-    return change
+
+        def away(model: LinearModel, mean: Array = mean) -> float:
+            return float((mean - model.value) @ gram @ (mean - model.value))
+
+        nearest = min(reversed(models), key=away)
+        left[mine] = nearest.residual[mine] - nearest.slopes[mine] @ (mean - nearest.value)
+    return left

@@ -156,7 +156,9 @@ class Predictor:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
         driven = tuple(model.commanded(h) for h in self._histories)
-        if all(m.chain is model.chain and m.inputs == model.inputs for m in models):  # the sensors alone differ
+        if all(
+            m.chain is model.chain and m.inputs == model.inputs for m in models
+        ):  # the sensors alone differ
             paths, _ = self.backend.follow(model.chain, driven)
             base = self._read(model, paths, driven)
             seen = (zip(base, self._read(m, paths, driven), strict=True) for m in models)

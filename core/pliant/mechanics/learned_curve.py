@@ -145,7 +145,7 @@ def covariate(
     if code == ACTUATION_RATE:
         speed = moved / dt_s if 0.0 < dt_s < math.inf else 0.0
         return speed / (abs(speed) + scale)
-    if code == ACTUATION_DIRECTION or code == ANGLE_DIRECTION:
+    if code in (ACTUATION_DIRECTION, ANGLE_DIRECTION):
         new[at] = max(-1.0, min(1.0, old[at] + moved / scale))
         return new[at]
     if math.isinf(dt_s):  # what changes in time has come to rest

@@ -104,8 +104,8 @@ class LearnedConfig(EffectConfig):
         lasting = [axis.name in KEPT for axis in self.axes() if axis.has_memory]
         if len(set(lasting)) > 1:
             raise ValueError(
-                f"{' and '.join(names)} do not go together: one goes on from run to run of a specimen, the other begins "
-                "anew with each"
+                f"{' and '.join(names)} do not go together: one goes on from run to run of a specimen, the other "
+                "begins anew with each"
             )
         return self
 
@@ -113,8 +113,7 @@ class LearnedConfig(EffectConfig):
         """The covariates with their knots."""
         shape = np.shape(self.value)
         return tuple(
-            CurveAxis(c.name, c.low, c.high, n, c.scale)
-            for c, n in zip(self.covariates, shape, strict=True)
+            CurveAxis(c.name, c.low, c.high, n, c.scale) for c, n in zip(self.covariates, shape, strict=True)
         )
 
 
