@@ -22,6 +22,7 @@ from benchmarks.real.one_run import OneRun, Step
 from benchmarks.real.two_bellow_data import ANGLE, BLOCK_S, FILE, Bench, StaticLaw, open_bench, rms
 
 from pliant.config.study import Study
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.improvement import improve
 from pliant.records.design import Array
 
@@ -138,7 +139,7 @@ def walk(
     bench: Bench, training: str, scores: Scores, block_s: float, table: list[dict[str, Any]] | None
 ) -> list[Step]:
     """The loop on blocks left out; rows go into the table where one is given."""
-    kinds = bench.opened.bench.registry.kinds("effect")
+    kinds = candidate_kinds(bench.opened.bench.registry)
     run = OneRun(bench.opened.bench, bench.runs[training], kinds, block_s)
     steps = list(run.steps(bench.opened.study))
     if table is not None:

@@ -19,6 +19,7 @@ from benchmarks.real.two_bellow import DIRECTIONS, baselines, best
 from benchmarks.real.two_bellow_data import FILE, Bench, StaticLaw, open_bench
 from matplotlib.axes import Axes
 
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.records.design import Array
 
 PICTURES = ROOT / "docs" / "pictures"
@@ -35,7 +36,7 @@ def main() -> None:
         found = {}
         for training, unseen in DIRECTIONS:
             law = best(baselines(bench, training))
-            kinds = bench.opened.bench.registry.kinds("effect")
+            kinds = candidate_kinds(bench.opened.bench.registry)
             last = list(OneRun(bench.opened.bench, bench.runs[training], kinds).steps(bench.opened.study))[-1]
             found[unseen] = (training, law, last)
         in_time(bench, found)

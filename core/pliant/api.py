@@ -268,11 +268,18 @@ def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extens
 
 
 def improve(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    learned: bool = False,
+    workers: Workers = 1,
 ) -> Improvement:
-    """The whole loop, with runs put aside: `pliant improve`."""
+    """The whole loop, with runs put aside: `pliant improve`; `learned`: with a learned term as its last step."""
     measurement = read_measurement(opened, data)
-    return improve_with(opened.bench, opened.study, measurement, kinds=kinds, workers=workers)
+    return improve_with(
+        opened.bench, opened.study, measurement, kinds=kinds, learned=learned, workers=workers
+    )
 
 
 def calibrate(

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
-from pliant.diagnosis.candidates import StudyCandidate
+from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
@@ -27,6 +27,8 @@ from pliant.diagnosis.fitting import (
     readings_over_floor,
     score,
 )
+from pliant.diagnosis.learned_term import KIND, LearnedTerm
+from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
 from pliant.evidence.places import Residuals, residuals_of
@@ -134,7 +136,7 @@ def extend(
         UserError: an unknown kind, or one that makes no sense for this chain.
     """
     registry = ground.predictor.bench.registry
-    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)))
+    candidate = StudyCandidate.among(registry, effects, candidate_kinds(registry, kinds))
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
@@ -217,11 +219,12 @@ def write_extended_study(
     target: Path,
     study: Study,
     overrides: Sequence[str],
-    found: Extension,
+    found: Extension | None,
     note: str,
     registry: Registry,
     *,
     notes_by_kind: Mapping[str, str] | None = None,
+    learned: LearnedTerm | None = None,
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
@@ -231,10 +234,11 @@ def write_extended_study(
         source: the study's file.
         target: the new file.
         study: as it was read from `source` with `overrides`.
-        found: the fitted effects.
+        found: the fitted effects; None where none was added.
         note: where they come from, one line.
         registry: as it was before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
+        learned: a learned term behind them.
         data: the files that were fitted where they are not the study's; they become the new study's.
         full: whether the file shall stand alone.
 
@@ -242,20 +246,28 @@ def write_extended_study(
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     draft = StudyDraft(source, overrides)
-    meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
+    effects = study.effects if found is None else found.effects
+    every = (*effects, *(() if learned is None else (learned.effect,)))
+    meant = {**study.canonical(), "effects": [effect.canonical() for effect in every]}
     if data:
         files = tuple(str(file.absolute()) for file in data)
         named: str | tuple[str, ...] = files[0] if len(files) == 1 else files
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
-    for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
+    for slot, kind in () if found is None else sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
         draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))
         for estimate in found.uncertainty.estimates:
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
+    if learned is not None:
+        at = ("effects", len(effects))
+        draft.set((*at, "kind"), KIND, f"{note}; {depends_on(learned)}: a description, no cause")
+        for key, value in learned.form.block(learned.value, learned.sd).items():
+            if key != "kind":
+                draft.set((*at, key), value)
     draft.write(target, meant, registry, full)
 
 

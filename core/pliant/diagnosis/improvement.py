@@ -12,10 +12,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
-from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import Score, score
+from pliant.diagnosis.extension import Extension, Ground, blocks_of, extend
+from pliant.diagnosis.fitting import Score, condition_of_runs, score
+from pliant.diagnosis.learned_term import KIND as LEARNED
+from pliant.diagnosis.learned_term import LearnedTerm, learn
+from pliant.diagnosis.learned_words import described
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
@@ -77,6 +82,7 @@ class Step:
         training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
         stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
             which; empty where the verdict was the effect itself.
+        learned: the learned term of this step; None for effects.
     """
 
     added: tuple[str, ...]
@@ -87,10 +93,13 @@ class Step:
     unseen: Score | None
     training: Score
     stands_for: Kinds = ()
+    learned: LearnedTerm | None = None
 
     @property
     def named(self) -> str:
         """What was added, with the look-alikes that it stands for; empty for the model as it was."""
+        if self.learned is not None:
+            return "a learned term"
         others = [kind for kind in self.stands_for if kind not in self.added]
         return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
 
@@ -121,6 +130,11 @@ class Improvement:
     next_run: NextRun | None = None
 
     @property
+    def learned(self) -> LearnedTerm | None:
+        """The learned term of the last step, if it is one."""
+        return self.steps[-1].learned
+
+    @property
     def scored_on(self) -> str:
         """Which readings the errors of the steps are of."""
         if self.locked.runs:
@@ -138,6 +152,7 @@ class _Draft:
     residuals: Residuals
     left_out: Residuals
     stands_for: Kinds = ()
+    learned: LearnedTerm | None = None
 
 
 def improve(
@@ -147,6 +162,7 @@ def improve(
     *,
     kinds: Sequence[str] | None = None,
     most_steps: int = MOST_STEPS,
+    learned: bool = False,
     tick: Tick | None = None,
     workers: Workers = 1,
 ) -> Improvement:
@@ -156,6 +172,7 @@ def improve(
         bench, study, measurement: the model and what the bench recorded.
         kinds: candidates; all effects by default.
         most_steps: effects at most.
+        learned: whether a learned term may be the last step.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: who fits hypotheses, as for `diagnose`.
 
@@ -164,7 +181,10 @@ def improve(
     """
     walk = _Walk(bench, study, measurement, kinds, tick, workers)
     stop, reason = walk.go(most_steps)
-    return walk.scored(stop, reason, walk.final())
+    final = walk.final()
+    if learned:
+        walk.learn()
+    return walk.scored(stop, reason, final)
 
 
 class _Walk:
@@ -227,9 +247,36 @@ class _Walk:
         self.effects = found.effects
         return found
 
+    def learn(self) -> None:
+        """What no listed effect explains as a learned term, where it predicts training runs left out better."""
+        predictor = self._predictor()
+        readings = self.ground.readings(self.effects)
+        noise = noise_view(
+            self.locked.training, self.ground.residuals(self.effects), readings.scales, self.ground.groups
+        )
+        condition = condition_of_runs(readings.n_runs, [group.runs for group in self.ground.groups])
+        alone = len(np.unique(readings.run)) == 1
+        folds = blocks_of(readings) if alone else readings.fold
+        found = learn(predictor, readings, noise, condition[readings.run], folds)
+        if found is None:
+            return
+        effects = (*self.effects, found.effect)
+        residuals = self.ground.residuals(effects, self.measurement)
+        fall = (
+            f"It takes the error on {found.on} from {found.before:.2f} to {found.after:.2f} times the noise."
+        )
+        why = f"{described(found)[:1].upper() + described(found)[1:]} {fall}"
+        left = readings.unpack(found.left_out)
+        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, learned=found))
+
+    def _predictor(self) -> Predictor:
+        """The model as it is, driven by the training runs."""
+        study = self.study.model_copy(update={"effects": self.effects})
+        return Predictor.of_study(self.bench, study, self.locked.training)
+
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
-        predictor = Predictor.of_study(self.bench, study, self.locked.training)
+        predictor = self._predictor()
         own = own_runs(study, predictor.chain, predictor.measurement)
         self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
         return self.last
@@ -284,9 +331,22 @@ class _Walk:
             se = Excess.of(aside.over_floor, read, noise.n_effective * share).se
             unseen = score(draft.residuals, noise.floors, locked.unseen) if locked.unseen else None
             steps.append(
-                Step(draft.added, draft.effects, draft.why, aside, se, unseen, training, draft.stands_for)
+                Step(
+                    draft.added,
+                    draft.effects,
+                    draft.why,
+                    aside,
+                    se,
+                    unseen,
+                    training,
+                    draft.stands_for,
+                    draft.learned,
+                )
             )
-        reason = self._closing(stop, reason, steps[-1], noise)
+        listed_last = steps[-2] if last.learned is not None else steps[-1]
+        reason = self._closing(stop, reason, listed_last, noise)
+        if last.learned is not None:
+            reason += f" The last step is a learned term: {described(last.learned)}"
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [*self.measurement.remarks, *self.ground.predictor.remarks, *not_tried, locked.why]
         remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]

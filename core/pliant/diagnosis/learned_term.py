@@ -57,6 +57,8 @@ class LearnedTerm:
         residual: (N,) reading − prediction over the scales, with all runs.
         left_out: (N,) with each run left out of the term's fit.
         tried: forms that were fitted.
+        drive: name of the chain's input.
+        on: what was left out: "runs left out", or blocks of a single run.
     """
 
     effect: EffectConfig
@@ -71,6 +73,8 @@ class LearnedTerm:
     residual: Array
     left_out: Array
     tried: int
+    drive: str
+    on: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +141,7 @@ class _Learner:
     ) -> None:
         self.predictor, self.readings = predictor, readings
         self.conditions, self.folds = conditions, folds
+        self.by_run = all(len(np.unique(folds[readings.run == r])) <= 1 for r in range(readings.n_runs))
         self.config = predictor.bench.registry.get("effect", KIND).config_model()
         self.seen = SeenMotion(predictor)
         self.forms = self.seen.forms()
@@ -294,6 +299,8 @@ class _Learner:
             residual=last.residual,
             left_out=one.left,
             tried=tried,
+            drive=self.predictor.chain.actuators[0].input,
+            on="runs left out" if self.by_run else "blocks left out",
         )
 
 

@@ -36,6 +36,7 @@ from pliant.report.fitted import (
     parameters_table,
     warned,
 )
+from pliant.report.learned import learned_json, learned_section
 
 MOST_IN_A_ROW = 3  # outputs that stand beside each other in eighty characters
 Placed = tuple[int, Step]
@@ -90,6 +91,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "unseen_runs": [names[k] for k in found.locked.unseen],
         "noise_floor": floors_json(found.floors),
         "judged": found.judged,
+        "learned": learned_json(found.learned),
         "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
         "next_experiment": next_run_json(found.next_run),
         "remarks": list(found.remarks),
@@ -198,5 +200,6 @@ def _drawn(found: Improvement) -> Drawn:
         hero,
         section(title, steps, text=(*_whys(found), f"Why it stopped: {found.reason}"), open=True),
         section("What was added", added),
+        learned_section(found.learned),
         section("Noise floor", floors),
     )
