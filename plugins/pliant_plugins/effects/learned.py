@@ -125,7 +125,8 @@ def _is_even(values: Values) -> bool:
 class Learned(Effect):
     """Adds a curve that was learned from runs."""
 
-    place = "law"
+    place = "law"  # of a curve that acts on a law: others act where `acts_on` says
+    fitted = False
     notes = EffectNotes(
         signature="nothing gives it away: it describes what is left when no listed effect explains the error, in the "
         "circumstances that tell most of it.",
