@@ -82,7 +82,7 @@ class SetSpec:
     """One set; with the same spec the same bytes come out.
 
     `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
-    None draws it from `SNR_RANGE`.
+    None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds.
     """
 
     kind: str
@@ -92,10 +92,11 @@ class SetSpec:
     protocol: str = "rich"
     split: Split = "judged"
     snr: float | None = None
+    draw: str = ""
 
     def generator(self) -> np.random.Generator:
         """Random numbers of this set alone."""
-        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}"
+        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}{self.draw}"
         return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16]))
 
 
@@ -180,7 +181,8 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
         turns = [name for name in names if name.endswith("angle_rad")]
         held = (slip, run.temperature_c - ROOM_C, run.base_angles_rad[1])
         seen = {name: sensed(ideal[name], run.time_s, truth.sensor, *held) for name in turns}
-        outputs.append({name: seen.get(name, ideal[name]) for name in names})
+        read = {name: seen.get(name, ideal[name]) for name in names}
+        outputs.append(read if run.kept is None else {name: value[run.kept] for name, value in read.items()})
     return outputs
 
 
@@ -230,7 +232,8 @@ def _scaled(
 
 def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:
     """The readings with noise of each output in turn, run by run."""
-    drawn = {key: [noise_of(SPECTRA[split], run.time_s, rng) for run in runs] for key in sigma}
+    clocks = [run.recorded().time_s for run in runs]
+    drawn = {key: [noise_of(SPECTRA[split], clock, rng) for clock in clocks] for key in sigma}
     return [
         {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
         for i, run in enumerate(outputs)
@@ -244,6 +247,7 @@ def _joined(outputs: Outputs, key: str) -> Array:
 
 def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     """The measurement CSV of docs/measurement_files.md: what was commanded and read, nothing else."""
+    runs = tuple(run.recorded() for run in runs)
     names = list(dict.fromkeys(name for run in outputs for name in run))
     turns = ["base_roll_rad", "base_pitch_rad"]
     valve = [] if all(run.valve_open is None for run in runs) else ["valve_open"]

@@ -30,6 +30,11 @@ NewStudy = Annotated[
     ),
 ]
 
+NamedOnly = Annotated[
+    bool,
+    typer.Option("--named-only", help="Add nothing whose cause no verdict names, however well it predicts."),
+]
+
 
 @verb()
 def improve(
@@ -44,6 +49,7 @@ def improve(
     full: Full = False,
     learned: Learned = False,
     workers: Workers = 1,
+    named_only: NamedOnly = False,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
     loaded = here.study(study, overrides)
@@ -56,7 +62,14 @@ def improve(
     check_writable(folder)
     with fitting_bar(here.progress, len(kinds)) as bar:
         found = improve_with(
-            bench, loaded, measurement, kinds=kinds, learned=learned, tick=bar.tick, workers=workers
+            bench,
+            loaded,
+            measurement,
+            kinds=kinds,
+            learned=learned,
+            named_only=named_only,
+            tick=bar.tick,
+            workers=workers,
         )
     here.measured(loaded, measurement)
     here.result["final_study"] = str(study)

@@ -22,6 +22,7 @@ from pliant.diagnosis.smooth_fit import LinearModel, Prior, Sums, left_out, most
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
+from pliant.mechanics.held import is_held
 from pliant.records.design import Array
 
 KIND = "learned"
@@ -122,7 +123,8 @@ def learn(
         conditions: (N,) number of each reading's condition: repeats share one.
         folds: (N,) what is left out together; the readings' own folds by default.
     """
-    if KIND not in predictor.bench.registry.kinds("effect"):
+    held = any(is_held(run.history) for run in predictor.measurement.runs)
+    if held or KIND not in predictor.bench.registry.kinds("effect"):
         return None
     learner = _Learner(predictor, readings, noise, conditions, readings.fold if folds is None else folds)
     return learner.learn()
@@ -139,13 +141,14 @@ class _Learner:
         conditions: NDArray[np.intp],
         folds: NDArray[np.intp],
     ) -> None:
+        predictor = predictor.refined(predictor.steps_between_samples())
         self.predictor, self.readings = predictor, readings
         self.conditions, self.folds = conditions, folds
         self.by_run = all(len(np.unique(folds[readings.run == r])) <= 1 for r in range(readings.n_runs))
         self.config = predictor.bench.registry.get("effect", KIND).config_model()
         self.seen = SeenMotion(predictor)
         self.forms = self.seen.forms()
-        self.plain = _filled(readings.values - readings.pack(predictor.predict()))
+        self.plain = _filled(readings.values - readings.pack(predictor.evaluate().runs))
         self.n_effective = max(noise.n_effective, 2.0)
         square = noise.floor_square
         self.floor_square = square if np.isfinite(square) and square > 0.0 else 1e-3 * _square(self.plain)

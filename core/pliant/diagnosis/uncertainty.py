@@ -6,9 +6,10 @@ which adds
     s² = Σ r² / (n_eff − k)
 
 to Σ r² by chance, k parameters fitted. The covariance in the parameters' x is s² (JᵀJ)⁻¹, in a parameter's own unit
-times dv/dx (delta method). A profile interval holds the values of one parameter at which Σ r², all other parameters
-refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied
-Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation does not see.
+times dv/dx (delta method), with the prior of forms that vary. A profile interval holds the values of one parameter at
+which Σ r², all other parameters refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of
+freedom (Venzon & Moolgavkar, Applied Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation
+does not see.
 """
 
 from __future__ import annotations
@@ -161,7 +162,7 @@ class Held(EffectSet):
 
 
 def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bool = True) -> Uncertainty:
-    """Standard deviations and, unless `profiles` is False, profile intervals; else ± 1.645 standard deviations.
+    """Standard deviations and profile intervals; ± 1.645 standard deviations without `profiles`, and where forms vary.
 
     Args:
         fitter: the fitter that made the fit: its readings and weights count.
@@ -171,6 +172,7 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
     scale = square_per_reading(fitter, fit, n_effective)
     covariance = covariance_of(fitter, fit, scale)
     spread = np.sqrt(np.diag(covariance))
+    profiles = profiles and not fit.candidate.forms
     estimates = []
     for k, parameter in enumerate(fit.candidate.parameters):
         ends = [_end(fitter, fit, k, side, float(spread[k]), scale if profiles else None) for side in (-1, 1)]
@@ -203,6 +205,8 @@ def square_per_reading(fitter: Fitter, fit: EffectFit, n_effective: float) -> fl
 def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
     """(k, k) in x; infinite variances where the readings do not feel a parameter."""
     normal = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
+    # forms have a prior of their own, s² of which is in units of Σ r²
+    normal += np.diag([scale * one.pull * one.is_form for one in fit.candidate.parameters])
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
@@ -251,7 +255,9 @@ class _Profile:
         low, high = self.fit.candidate.limits()
         start = np.clip(self._last + (x - self._last[self.index]) * self.along, low, high)
         start[self.index] = x
-        refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.index, x), [start])
+        refitted = self.fitter.fit(
+            Held.hold(self.fit.candidate, self.index, x), [start], self.fit.parts, refine=False
+        )
         rise = (self._squares(refitted) - self._cost) / self.scale
         if not math.isfinite(rise):
             return 10 * NINETY

@@ -278,6 +278,7 @@ class StudyHandle:
         *,
         effects: Sequence[str] | None = None,
         learned: bool = False,
+        named_only: bool = False,
         workers: Workers = 1,
         out: str | Path | None = None,
     ) -> Result[Any]:
@@ -287,6 +288,7 @@ class StudyHandle:
             data: see `compare`.
             effects: candidates; all by default.
             learned: whether a learned term may be the last step.
+            named_only: add nothing whose cause no verdict names, however well it predicts.
             workers: processes that fit hypotheses.
             out: a new study file that has what was added; nothing is written where nothing was.
 
@@ -298,12 +300,19 @@ class StudyHandle:
         measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
-            found = api.improve(self.opened, measurement, kinds=effects, learned=learned, workers=workers)
+            found = api.improve(
+                self.opened,
+                measurement,
+                kinds=effects,
+                learned=learned,
+                named_only=named_only,
+                workers=workers,
+            )
+            document = improvement_document(self.name, measurement, found, registry, effects or ())
         if out is not None and (found.final is not None or found.learned is not None):
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             note = improvement_origin(found, cited(measurement))
             self._write(Path(out), found.final, data, note, notes, found.learned)
-            document = improvement_document(self.name, measurement, found, registry, effects or ())
         return Result(found, document, plots.steps, frames.steps)
 
     def _write(

@@ -41,6 +41,7 @@ class History:
         valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
             commanded pressure does not reach them; None where they always are connected. A value holds for the
             step that leads to its sample.
+        lead: samples at its begin that were put before those that were recorded; nothing is read at them.
     """
 
     run: str
@@ -53,6 +54,7 @@ class History:
     base_angles_rad: Array
     payload_kg: Array | None = None
     valve_open: Array | None = None
+    lead: int = 0
 
     def __len__(self) -> int:
         return len(self.moment_n_m)
@@ -64,6 +66,34 @@ class History:
     def with_actuation(self, **changes: Array) -> History:
         """A copy with some actuations replaced, by name."""
         return replace(self, actuation={**self.actuation, **changes})
+
+    def refined(self, parts: int) -> History:
+        """The same straight lines with `parts` samples where there was one; without a clock, the history itself."""
+        if self.time_s is None or parts == 1:
+            return self
+        samples = np.arange(len(self))
+        places = np.linspace(0, len(self) - 1, parts * (len(self) - 1) + 1)
+
+        def between(values: Array) -> Array:
+            """(t', …) of (t, …)."""
+            columns = values.reshape(len(self), -1).T
+            rows = np.stack([np.interp(places, samples, column) for column in columns], axis=1)
+            return np.asarray(rows.reshape(len(places), *values.shape[1:]))
+
+        return replace(
+            self,
+            time_s=between(self.time_s),
+            actuation={name: between(values) for name, values in self.actuation.items()},
+            tip_force_n=between(self.tip_force_n),
+            moment_n_m=between(self.moment_n_m),
+            temperature_c=between(self.temperature_c),
+            base_angles_rad=between(self.base_angles_rad),
+            payload_kg=None if self.payload_kg is None else between(self.payload_kg),
+            # what is said of a sample holds for the step that leads to it
+            valve_open=None
+            if self.valve_open is None
+            else self.valve_open[np.ceil(places - 1e-9).astype(int)],
+        )
 
     def signals(self) -> dict[str, Array]:
         """(t,) each input, load and condition that the run has, by the name of its column in a measurement file."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -53,8 +54,11 @@ from pliant.report.learned import learned_json, learned_section
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
 MOST_SHOWN = 6  # hypotheses on the terminal
+WIDTH = 80  # characters of a line there
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
+    "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
+    "Which it is, the run below or a look at the bench tells.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
     "unknown_effect": "Do not extend the study with an effect that does not reach the floor; measure what the error "
@@ -120,6 +124,8 @@ def _demand(found: Diagnosis) -> str:
         return LITTLE_LEFT
     if verdict == "nothing_missing" and not small:
         return RECORD
+    if found.judgement.selected_class:
+        return DEMANDS["class"]
     decided = found.next_run is not None or verdict not in UNDECIDED
     return DEMANDS[verdict] if decided else RECORD
 
@@ -187,7 +193,8 @@ def implausible(found: Diagnosis) -> list[str]:
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
     every = list(found.judgement.probability)[:MOST_SHOWN]
     shown = found.judgement.credible[:MOST_SHOWN]
-    lines = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    lines = [line for text in fitted for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ")]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
