@@ -253,13 +253,8 @@ def write_extended_study(
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
-    for slot, kind in () if found is None else sorted(zip(found.candidate.slots, found.kinds, strict=True)):
-        at = ("effects", slot)
-        draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))
-        for estimate in found.uncertainty.estimates:
-            if estimate.kind == kind:
-                key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
-                draft.set((*at, key), value, estimate.words)
+    if found is not None:
+        _set_fitted(draft, found, note, notes_by_kind or {})
     if learned is not None:
         at = ("effects", len(effects))
         draft.set((*at, "kind"), KIND, f"{note}; {depends_on(learned)}: a description, no cause")
@@ -267,6 +262,17 @@ def write_extended_study(
             if key != "kind":
                 draft.set((*at, key), value)
     draft.write(target, meant, registry, full)
+
+
+def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
+    """The fitted effects with their uncertainty."""
+    for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
+        at = ("effects", slot)
+        draft.set((*at, "kind"), kind, note + notes_by_kind.get(kind, ""))
+        for estimate in found.uncertainty.estimates:
+            if estimate.kind == kind:
+                key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
+                draft.set((*at, key), value, estimate.words)
 
 
 def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[str, str | float]:

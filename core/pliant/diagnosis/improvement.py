@@ -22,8 +22,8 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
-from pliant.diagnosis.extension import Extension, Ground, blocks_of, extend
-from pliant.diagnosis.fitting import Score, condition_of_runs, score
+from pliant.diagnosis.extension import Extension, Ground, extend
+from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
 from pliant.diagnosis.learned_term import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import described

@@ -246,7 +246,7 @@ class _Learner:
     def _refined(self, one: _Fitted) -> _Fitted:
         """Gauss-Newton steps, halved where they lead too far, as long as they lower the cost."""
         here = one.models[0]
-        start, factor = here, np.linalg.inv(one.prior.factor)
+        start, factor = here, np.asarray(np.linalg.inv(one.prior.factor), float)
         cost = self._cost(here, one.prior, factor)
         for _ in range(MOST_STEPS):
             for share in (1.0, 0.5, 0.2):

@@ -107,10 +107,11 @@ def _priors(
         for k, axis in enumerate(axes)
     ]
     for lengths in product(*options):
-        kernel = np.ones((1, 1))
+        kernel: Array = np.ones((1, 1))
         for axis, length in zip(axes, lengths, strict=True):
             at = np.linspace(0.0, 1.0, axis.knots)
-            kernel = np.kron(kernel, np.exp(-0.5 * ((at[:, None] - at[None]) / length) ** 2))
+            of_axis = np.exp(-0.5 * ((at[:, None] - at[None]) / length) ** 2)
+            kernel = np.asarray(np.kron(kernel, of_axis), float)
         lower = np.linalg.cholesky(kernel + JITTER * np.eye(len(kernel)))
         values, vectors = np.linalg.eigh(weight * lower.T @ gram @ lower)
         values = np.maximum(values, 0.0)

@@ -8,6 +8,12 @@ added to every input (Pa, N), to every joint's effort (`moment`, N·m) or to eve
 share by which the elastic or the actuation part of the law is larger. It is a model discrepancy in the sense of Kennedy
 & O'Hagan (J. R. Stat. Soc. B 63, 2001): a description and no cause. `pliant improve --learned` fits it; its numbers
 are plain data, and taking the entry out takes it away.
+
+Covariates, SI: `angle` and its `rate` r as r/(|r| + scale); `actuation`; `temperature` in °C; `time` in the run; `travel`,
+the cycles up to `scale` and back that the specimen has done; `actuation_rate` as `rate`; `actuation_direction` and
+`angle_direction`, from −1 to 1 within twice `scale` of motion (a stop); `actuation_change` and `angle_change`, x less x
+behind a first-order lag of the time `scale`; `largest_angle` so far. `travel` and `largest_angle` go on from run to run of
+one specimen. An `input` knows nothing of angles, a `reading` nothing of temperature and travel.
 """
 
 from __future__ import annotations
@@ -17,7 +23,7 @@ from itertools import pairwise
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Readings
@@ -57,6 +63,8 @@ MOST_KNOTS = 64
 class CovariateConfig(FrozenModel):
     """One covariate of the curve, and the range of it in which the curve was seen."""
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     name: CovariateName
     """which one"""
     low: float
@@ -72,8 +80,7 @@ class LearnedConfig(EffectConfig):
 
     kind: Literal["learned"] = "learned"
     acts_on: ActsOn
-    """`input` (adds Pa or N), `moment` (adds N·m to each joint's effort), `elastic` or `actuation` (share by which
-    that part of the law is larger), `reading` (adds rad to each angle that is read)"""
+    """where the curve is added, or which part of the law it makes larger by a share"""
     covariates: tuple[CovariateConfig, ...] = Field(min_length=1, max_length=2)
     """what it depends on: one or two"""
     value: Values

@@ -52,9 +52,9 @@ def _curve(panel: Any, found: LearnedTerm) -> None:
     panel.plot(shown, value, color=style.SERIES[0], lw=2.2)
     knots = found.value * unit.factor
     panel.plot(axis.at * words.factor, knots, ls="", marker="o", ms=4, color=style.SERIES[0])
-    for at, side in zip(ends, ("right", "left"), strict=True):
-        where = {"xycoords": ("data", "axes fraction"), "ha": side, "va": "top", "color": style.SOFT}
-        style.note(panel, "no data", (at, 1.0), (-4 if side == "right" else 4, -4), **where)
+    for at, anchor in zip(ends, ("right", "left"), strict=True):
+        where = {"xycoords": ("data", "axes fraction"), "ha": anchor, "va": "top", "color": style.SOFT}
+        style.note(panel, "no data", (at, 1.0), (-4 if anchor == "right" else 4, -4), **where)
     panel.set(xlim=(shown[0], shown[-1]), xlabel=words.axis, ylabel=f"{label} ({unit.symbol})")
     panel.set_title("What the learned term adds")
 
