@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 
 from pliant.config.study import Study
+from pliant.diagnosis.bands import Bands, bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
@@ -134,6 +135,7 @@ class Improvement:
         final: the last fit, with its uncertainty; None where no effect was added.
         remarks: what limits the result, in sentences.
         next_run: what the last diagnosis proposes to measure.
+        bands: of the last model on all runs; None where no effect was added, or a learned term behind them.
     """
 
     steps: tuple[Step, ...]
@@ -145,6 +147,7 @@ class Improvement:
     final: Extension | None
     remarks: tuple[str, ...]
     next_run: NextRun | None = None
+    bands: Bands | None = None
 
     @property
     def learned(self) -> LearnedTerm | None:
@@ -451,7 +454,18 @@ class _Walk:
             )
         next_run = None if self.last is None else self.last.next_run
         return Improvement(
-            tuple(steps), stop, reason, locked, noise.floors, noise.judged, final, tuple(remarks), next_run
+            tuple(steps),
+            stop,
+            reason,
+            locked,
+            noise.floors,
+            noise.judged,
+            final,
+            tuple(remarks),
+            next_run,
+            None
+            if final is None or last.learned
+            else bands(self.ground.predictor, final.posterior, final.scatter),
         )
 
     def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:
