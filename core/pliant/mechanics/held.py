@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -71,7 +72,8 @@ def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequ
     damage: dict[tuple[str, int], list[float]] = {}
     found = []
     for history, path in zip(histories, paths, strict=True):
-        parts = Contribution(np.zeros(len(path)), *np.ones((2, len(path))), np.zeros(len(path)))
+        zeros, ones = np.zeros((2, len(path))), np.ones((2, len(path)))
+        parts = Contribution(zeros[0], ones[0], ones[1], zeros[1])
         for number, term in enumerate(chain.terms):
             kept = damage.get((history.specimen, number)) if term.keeps else None
             values, damage[history.specimen, number] = _along(
@@ -93,10 +95,11 @@ def _along(
         steps[1:] = np.diff(history.time_s)
     rates = np.diff(path, prepend=path[:1]) / steps
     numbers, function, values = term.numbers(0), term.function, []
-    samples = (path, rates, steps, net, history.temperature_c)
-    for sample in zip(*(column.tolist() for column in samples), strict=True):
-        new = old.copy()
-        values.append(function(*sample, old, new, numbers))  # type: ignore[arg-type]
+    columns = (path, rates, steps, net, history.temperature_c)
+    samples = zip(*(column.tolist() for column in columns), strict=True)
+    for u, rate, step, pushed, warmth in samples:
+        new: Any = old.copy()
+        values.append(function(u, rate, step, pushed, warmth, cast(Any, old), new, cast(Any, numbers)))
         old = new
     return np.array(values), old
 
