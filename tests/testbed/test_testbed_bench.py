@@ -442,6 +442,7 @@ def test_a_killed_bench_goes_on_where_it_was(bench: Callable[..., str], tmp_path
     assert "stiffness 3" in bench("--summarise")
 
 
+@pytest.mark.slow
 def test_a_diagnoser_that_dies_costs_its_own_set_alone(
     bench: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,6 +40,7 @@ from benchmarks.evidence.sets import (
 from benchmarks.evidence.skeleton import Body, readings
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Truth, draw, robots_of
 from scipy.optimize import brentq
+from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
@@ -95,7 +96,7 @@ def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float
     assert angle[-1] == pytest.approx(brentq(balance, -1, 2), abs=2e-6)
 
 
-@pytest.mark.parametrize("name", sorted(ROBOTS))
+@pytest.mark.parametrize("name", slow_among(sorted(ROBOTS), "chain", "four"))
 def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
     robot = ROBOTS[name]
     runs = protocol("example", robot)
