@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import P, measurement_of
+from tests.diagnosis.quick import P, blank, effect, measurement_of, predictor_of
 
-from pliant.measurements.beginnings import FORGOTTEN_S, with_known_states
+from pliant.measurements.beginnings import FORGOTTEN_S, led_in, with_known_states
 from pliant.records.history import History
+from pliant.testing.samples import sample_chain
 
 TIME = 0.4 * np.arange(200)
 
@@ -58,3 +59,38 @@ def test_the_sentence_names_the_first_run_and_how_much() -> None:
     runs = [History.of({"pressure_pa": cycle(s)}, TIME, run=name) for s, name in ((0.0, "a"), (3.0, "b"))]
     _, said = with_known_states(measurement_of(runs, [{"angle_rad": np.ones(200)}] * 2))
     assert "run 'b' first" in said[0] and "4 s" in said[0] and said[0].startswith("1 of 2 runs")
+
+
+def test_a_run_is_led_in_on_the_line_that_it_begins_on() -> None:
+    """A cycle that is recorded from 3 s on began at zero 3 s before; one that falls came from the largest pressure."""
+    rising, falling = (History.of({"pressure_pa": cycle(s)}, TIME) for s in (3.0, 14.0))
+    rest = History.of({"pressure_pa": cycle()}, TIME)
+    led = led_in([rising, falling, rest])
+    assert [one.lead for one in led] == [1, 1, 0] and led[2] is rest
+    assert led[0].time_s[0] == pytest.approx(-3.0) and led[0].actuation["pressure_pa"][0] == 0.0
+    assert led[1].time_s[0] == pytest.approx(-4.0) and led[1].actuation["pressure_pa"][0] == pytest.approx(P)
+    for one, other in zip(led, (rising, falling, rest), strict=True):
+        assert all(np.array_equal(v[one.lead :], other.signals()[k]) for k, v in one.signals().items())
+
+
+def test_what_creeps_is_remembered_by_a_run_that_is_led_in() -> None:
+    whole = History.of({"pressure_pa": cycle()}, TIME)
+    cut = History.of({"pressure_pa": cycle()[10:]}, TIME[10:])
+    creep = [effect("viscoelastic", share=0.4, time_s=12.0)]
+    chain = sample_chain(modules=1)
+    truth = predictor_of(chain, blank([whole])).predict(creep)[0]["angle_rad"][10:]
+    found = predictor_of(chain, blank([cut])).predict(creep)[0]["angle_rad"]
+    settled = predictor_of(chain, blank([cut]))
+    settled._histories = [cut]
+    assert len(found) == len(truth)
+    assert np.abs(found - truth).max() < 0.05 * np.abs(settled.predict(creep)[0]["angle_rad"] - truth).max()
+
+
+def test_a_run_that_settles_under_inputs_that_stand_still_keeps_what_follows() -> None:
+    held = History.of({"pressure_pa": np.full(200, P)}, TIME, run="late")
+    whole = History.of({"pressure_pa": cycle()}, TIME, run="whole")
+    readings = [{"angle_rad": 0.5 * (1.0 - np.exp(-TIME / 3.0))}, {"angle_rad": 0.5 * cycle() / P}]
+    known, said = with_known_states(measurement_of([held, whole], readings))
+    there = np.isfinite(known.runs[0].outputs["angle_rad"])
+    assert 7.0 < TIME[there][0] < 11.0 and there[-1] and "run 'late' first" in said[0]  # 3 s · ln 20
+    assert np.isfinite(known.runs[1].outputs["angle_rad"]).all()

@@ -19,6 +19,7 @@ from itertools import combinations, pairwise
 from typing import Literal
 
 from pliant.config.study import Study
+from pliant.diagnosis.bands import Bands, bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, score
@@ -125,6 +126,7 @@ class Improvement:
         final: the last fit, with its uncertainty; None where no effect was added.
         remarks: what limits the result, in sentences.
         next_run: what the last diagnosis proposes to measure.
+        bands: of the last model on all runs; None where no effect was added.
     """
 
     steps: tuple[Step, ...]
@@ -136,6 +138,7 @@ class Improvement:
     final: Extension | None
     remarks: tuple[str, ...]
     next_run: NextRun | None = None
+    bands: Bands | None = None
 
     @property
     def scored_on(self) -> str:
@@ -400,7 +403,16 @@ class _Walk:
             )
         next_run = None if self.last is None else self.last.next_run
         return Improvement(
-            tuple(steps), stop, reason, locked, noise.floors, noise.judged, final, tuple(remarks), next_run
+            tuple(steps),
+            stop,
+            reason,
+            locked,
+            noise.floors,
+            noise.judged,
+            final,
+            tuple(remarks),
+            next_run,
+            None if final is None else bands(self.ground.predictor, final.posterior, final.scatter),
         )
 
     def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:

@@ -2,18 +2,20 @@
 
 A model begins a run at rest under its first inputs. Where these were on their way already, or where a stretch was
 dropped while they moved, what lags, creeps or rubs is elsewhere, and forgets it within seconds. These readings are
-left out, their inputs stay.
+left out, their inputs stay. What creeps for longer is remembered better if the run is led in: the straight line on
+which the inputs are at first is followed back to where it came from.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import number, plural
-from pliant.measurements.doubts import DRIVEN, IDLE
+from pliant.measurements.doubts import DRIVEN, IDLE, settling
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
@@ -30,8 +32,16 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
     """The measurement without the readings after unknown states, and a sentence about them; none where all is known."""
     highest = _highest([run.history for run in measurement.runs])
     runs, found, seconds = [], [], 0.0
+    of_outputs = [settling(measurement.runs, name) for name in measurement.outputs]
+    settled = {
+        run.name: max(one[run.name][2] for one in of_outputs if run.name in one)
+        for run in measurement.runs
+        if any(run.name in one for one in of_outputs)
+    }
     for run in measurement.runs:
         unknown = unknown_states(run.history, highest)
+        if run.name in settled and run.history.time_s is not None:
+            unknown |= run.history.time_s < settled[run.name]
         if unknown.any():
             found.append(run.name)
             assert run.history.time_s is not None
@@ -48,6 +58,70 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
     )
 
 
+def led_in(histories: Sequence[History]) -> list[History]:
+    """Histories with a sample before the first one where that is in motion.
+
+    Inputs and loads are followed back on the line of the first samples: to zero if they move away from it, else to the
+    largest size that they have in any run. All else was as it is at first.
+    """
+    highest = _highest(histories)
+    found = []
+    for history in histories:
+        before = _came_from(history, highest)
+        found.append(history if before is None else _with_first(history, *before))
+    return found
+
+
+def _came_from(history: History, highest: dict[str, float]) -> tuple[float, dict[str, float]] | None:
+    """How long before its first sample a motion began, s, and where its inputs were; None for a run from rest."""
+    if not _begins_in_motion(history, highest):
+        return None
+    assert history.time_s is not None
+    span = float(history.time_s[AT_ONCE] - history.time_s[0])
+    seconds, ends = 0.0, {}
+    for name, values in _moving(history).items():
+        first, slope = float(values[0]), float(values[AT_ONCE] - values[0]) / span
+        if abs(slope) * span <= IDLE * highest[name]:
+            continue
+        away = first * slope > 0.0
+        ends[name] = 0.0 if away or first == 0.0 else float(np.copysign(highest[name], first))
+        seconds = max(seconds, abs((first - ends[name]) / slope))
+    return (seconds, ends) if seconds > 0.0 else None
+
+
+def _with_first(history: History, seconds: float, ends: dict[str, float]) -> History:
+    """The history with one more sample so long before, inputs and loads at these ends, all else as it is at first."""
+
+    def longer(values: Array, first: object = None) -> Array:
+        return np.concatenate(
+            [values[:1] if first is None else np.atleast_1d(np.asarray(first, float)), values]
+        )
+
+    assert history.time_s is not None
+    force = [[ends.get(f"tip_force_{k}", value) for k, value in enumerate(history.tip_force_n[0].tolist())]]
+    optional = (history.payload_kg, history.valve_open)
+    payload, valve = (None if values is None else longer(values) for values in optional)
+    return history.with_(
+        time_s=longer(history.time_s, history.time_s[0] - seconds),
+        actuation={name: longer(values, ends.get(name)) for name, values in history.actuation.items()},
+        tip_force_n=np.concatenate([force, history.tip_force_n]),
+        moment_n_m=longer(history.moment_n_m, ends.get("moment_n_m")),
+        temperature_c=longer(history.temperature_c),
+        base_angles_rad=np.concatenate([history.base_angles_rad[:1], history.base_angles_rad]),
+        payload_kg=payload,
+        valve_open=valve,
+        lead=1,
+    )
+
+
+def _begins_in_motion(history: History, highest: dict[str, float]) -> bool:
+    if history.time_s is None or len(history) < AT_ONCE + 1:
+        return False
+    signals = _moving(history)
+    on = any(abs(values[0]) > DRIVEN * highest[name] for name, values in signals.items())
+    return on and _moves(signals, highest, 0, AT_ONCE)
+
+
 def unknown_states(history: History, highest: dict[str, float]) -> NDArray[np.bool_]:
     """(t,) samples that follow, within what is forgotten, an instant at which the state is not known.
 
@@ -58,8 +132,7 @@ def unknown_states(history: History, highest: dict[str, float]) -> NDArray[np.bo
         return unknown
     time, signals = history.time_s, _moving(history)
     length = min(FORGOTTEN_S, SHARE * float(time[-1] - time[0]))
-    on = any(abs(v[0]) > DRIVEN * highest[name] for name, v in signals.items())
-    if on and _moves(signals, highest, 0, AT_ONCE):
+    if _begins_in_motion(history, highest):
         unknown |= time < time[0] + length
     steps = np.diff(time)
     for k in np.flatnonzero(steps > max(TIMES * float(np.median(steps)), LONG_S)):
@@ -73,7 +146,7 @@ def _moving(history: History) -> dict[str, Array]:
     return {**history.actuation, "moment_n_m": history.moment_n_m, **forces}
 
 
-def _highest(histories: list[History]) -> dict[str, float]:
+def _highest(histories: Sequence[History]) -> dict[str, float]:
     tables = [_moving(history) for history in histories]
     return {name: max(float(np.abs(table[name]).max()) for table in tables) for name in tables[0]}
 

@@ -14,6 +14,7 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
+from pliant.report.posterior import fitted_posterior_json, posterior_words, shares_brief
 
 
 def extension_document(
@@ -26,6 +27,7 @@ def extension_document(
         doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
     if not found.noise.judged:
         doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
+    shares = shares_brief(found)
     falls = []
     for name, rmse in found.after.rmse.items():
         unit = unit_of(name)
@@ -42,6 +44,8 @@ def extension_document(
         brief=(
             *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
             parameters_brief(found.uncertainty),
+            *([shares] if shares else []),
+            *posterior_words(found),
             *falls,
         ),
         warnings=tuple(map(caveat, (*notes, *doubts))),
@@ -56,6 +60,7 @@ def extension_json(found: Extension) -> dict[str, Any]:
         "effects": list(found.kinds),
         "parameters": parameters_json(found.uncertainty, found.values),
         "correlation": found.uncertainty.correlation,
+        "posterior": fitted_posterior_json(found),
         "before": _score(found.before),
         "after": _score(found.after),
         "heldout": {} if heldout is None else errors_json(heldout),
