@@ -225,7 +225,7 @@ def write_extended_study(
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
-    """Write the study with the effects of an extension.
+    """Write the study with the effects of an extension, under a name of its own.
 
     Args:
         source: the study's file.
@@ -242,7 +242,8 @@ def write_extended_study(
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     draft = StudyDraft(source, overrides)
-    meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
+    effects = [effect.canonical() for effect in found.effects]
+    meant = {**study.canonical(), "name": draft.name_after(target), "effects": effects}
     if data:
         files = tuple(str(file.absolute()) for file in data)
         named: str | tuple[str, ...] = files[0] if len(files) == 1 else files

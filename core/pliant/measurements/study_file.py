@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pliant.config.loading import load_study
-from pliant.config.writing import StudyDraft
+from pliant.config.writing import StudyDraft, name_of_file
 from pliant.measurements.block import advised, block_text, with_files
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -69,6 +69,7 @@ def write_study(
     meant = load_study(base, registry, overrides, note=lambda _: None).canonical()
     draft = StudyDraft(base)
     draft.set(("measurements",), whole)
+    meant["name"] = draft.name_after(target)
     draft.write(target, meant, registry, head="\n".join(doubt.sentence for doubt in measurement.doubts))
 
 
@@ -88,7 +89,7 @@ def skeleton(target: Path, measurement: Measurement, block: str) -> str:
     return SKELETON.format(
         source=measurement.source,
         target=target,
-        name=re.sub(r"[^\w-]+", "-", target.stem).strip("-") or "recording",
+        name=name_of_file(target) or "recording",
         keys="".join(f"  {key}\n" for key, needed in keys.items() if needed),
         coordinate="extension" if slides else "angle",
         coefficients=words,
