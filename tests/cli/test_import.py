@@ -109,6 +109,18 @@ def test_a_refusal_has_the_block_with_the_missing_line_as_a_choice(name, saved):
         assert {key: value} in advised([str(refused.value)])
 
 
+def test_files_of_two_loggers_are_refused_with_one_block_that_joins_them(saved, pliant, tmp_path):
+    saved(FILES["two loggers with clocks of their own"])
+    said = pliant("import", "pressure.csv", "camera.csv")
+    assert said.code == 2 and said.err.count("measurements:") == 1
+    notes = taken(said.err.partition("\n\n")[2])
+    assert notes == {"file": "camera.csv", "join": {"file": "pressure.csv", "shift": "0 s"}}
+    read, _ = api.read(notes.pop("file"), notes)
+    assert len(read.runs) == 1 and "pressure_pa" in read.runs[0].history.actuation
+    alone = taken(pliant("import", "pressure.csv").err.partition("\n\n")[2])
+    assert alone["join"] == "pressure.csv" != alone["file"]
+
+
 @pytest.mark.parametrize("name", [name for name, file in FILES.items() if file.refused and not file.answer])
 def test_what_cannot_be_read_is_refused_in_a_sentence(name, saved, pliant):
     called = pliant("import", *saved(FILES[name]))

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
@@ -18,6 +19,7 @@ from pliant.tabular.units import stem, unit_at_the_end
 # What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
 DRIVES = ("pressure_pa", "tendon_force_n")
 READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
+ANOTHER = "another.csv"  # stands for a file that has not been named
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,14 @@ def read_header(
     }
     numbers = tuple(column for column in given if column.role != "text")
     return Header(tuple(used), places, texts, tuple(remarks), numbers)
+
+
+class HalfError(UserError):
+    """A file of one logger only; `lacks` is what another one may have recorded."""
+
+    def __init__(self, text: str, lacks: Literal["inputs", "readings"] = "inputs") -> None:
+        super().__init__(text)
+        self.lacks = lacks
 
 
 def _check_clock(
@@ -208,16 +218,21 @@ def _check_needed(
         )
     has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
-        join = f"; if another logger recorded the input, write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}."
-        raise UserError(
+        join = f"; if another logger recorded the input, write 'join: {{file: {ANOTHER}, shift: 0 s}}' into {notes_name}."
+        raise HalfError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
-            f"{of_the_file}{has + join if has else ''}{paste}"
+            f"{of_the_file}{has + join if has else ''}{paste}",
+            "inputs",
         )
     if outputs:
-        join = f"; where it holds the inputs of another file, write 'join: {path.name}' into the notes of that one."
-        raise UserError(
+        join = (
+            f"; where it holds the inputs of another file, name that one ({ANOTHER}) and write 'join: {path.name}' "
+            "into its notes."
+        )
+        raise HalfError(
             f"{path}: nothing is measured; a measurement has angle_rad, joint_1_angle_rad…, tip_x_m…, marker_1_x_m… "
-            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}"
+            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}",
+            "readings",
         )
 
 
