@@ -40,6 +40,7 @@ from pliant.measurements.floors import floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 
 AGAINST = -0.5  # a correlation below it is no missing effect: it is a sign
 FEWEST = 10
@@ -198,10 +199,13 @@ def compare(
 def _remarks(
     measurement: Measurement, names: Sequence[str], residuals: Residuals, noiseless: Sequence[str]
 ) -> list[str]:
-    remarks = []
+    remarks: list[str] = []
     if noiseless:
         remarks.append(
-            f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with."
+            Remark(
+                f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with.",
+                Rank.FLOOR,
+            )
         )
     lost = sum(
         int((np.isfinite(run.outputs[name]) & ~np.isfinite(error[name])).sum())

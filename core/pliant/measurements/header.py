@@ -11,6 +11,7 @@ from typing import Literal
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.records.remark import detail
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
 from pliant.tabular.schema import FRAMES, FileColumn
 from pliant.tabular.sheet import Sheet
@@ -76,21 +77,23 @@ def read_header(
         _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
     remarks = _unknown_remarks(unknown, notes, notes_name)
     if "" in written:
-        remarks.append("A column without a name is ignored.")
+        remarks.append(detail("A column without a name is ignored."))
     numeric = [column for column in found.values() if column.role != "text"]
     _check_needed(path, [*numeric, *given], unknown, notes_name, actuation)
     outputs = [column.name for column in numeric if column.role == "output"]
     used = []
     for column in numeric:
         if column.role == "input" and actuation is not None and column.name not in actuation:
-            remarks.append(f"Input '{column.name}' does not drive the chain and is ignored.")
+            remarks.append(detail(f"Input '{column.name}' does not drive the chain and is ignored."))
         elif column.role == "count":
             remarks.append(
                 f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
                 "their own."
             )
         elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
-            remarks.append(f"Column '{column.name}' has no output of its own in the file and is ignored.")
+            remarks.append(
+                detail(f"Column '{column.name}' has no output of its own in the file and is ignored.")
+            )
         else:
             used.append(column)
     if "run" not in found and all(column.name != "run" for column in given):
@@ -100,7 +103,7 @@ def read_header(
             "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "
             "cannot be judged."
         )
-    remarks += [text for column in found.values() if (text := _converted(column, notes))]
+    remarks += [detail(text) for column in found.values() if (text := _converted(column, notes))]
     places = {name: i for i, name in enumerate(written)}
     texts: dict[str, int] = {
         name: places[found[name].written] for name in ("run", "specimen") if name in found
@@ -163,7 +166,7 @@ def _closest(name: str) -> str:
 
 
 def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:
-    remarks = []
+    remarks: list[str] = []
     plain = []
     for name in unknown:
         if name in notes.rename:
@@ -181,7 +184,7 @@ def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name
     if plain:
         more = f" and {len(plain) - 20} more" if len(plain) > 20 else ""
         who = f"Column {plain[0]} is" if len(plain) == 1 else f"Columns {', '.join(plain[:20])}{more} are"
-        remarks.append(f"{who} not known and ignored.")
+        remarks.append(detail(f"{who} not known and ignored."))
     return remarks
 
 
@@ -218,7 +221,8 @@ def _check_needed(
         )
     has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
-        join = f"; if another logger recorded the input, write 'join: {{file: {ANOTHER}, shift: 0 s}}' into {notes_name}."
+        line = f"join: {{file: {ANOTHER}, shift: 0 s}}"
+        join = f"; if another logger recorded the input, write '{line}' into {notes_name}."
         raise HalfError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
             f"{of_the_file}{has + join if has else ''}{paste}",

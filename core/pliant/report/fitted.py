@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -12,15 +11,13 @@ from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
-from pliant.measurements.doubts import MID_MOTION
 from pliant.measurements.floors import Floor
-from pliant.measurements.plausible import TO_CHECK
+from pliant.records.remark import Remark
 from pliant.registry.discovery import Registry
-from pliant.report.document import Column, Rank, Table, Warned, as_json, brief_table, page_table
+from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
-LEFT_OUT = re.compile(r"'(\w+)' was left out: ")
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
 
@@ -115,27 +112,9 @@ def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, A
     return {**said, "ranked": [asdict(one) for one in found.ranked], "file": file}
 
 
-# What a remark is about, by what it holds; the first that fits. All others are about the data.
-RANKS: tuple[tuple[Rank, tuple[str, ...]], ...] = (
-    (Rank.UNIT, (TO_CHECK, MID_MOTION)),
-    (Rank.FLOOR, ("no repeats", "repeats or a stated sigma", "without any noise", "have no noise")),
-    (
-        Rank.DETAIL,
-        (
-            "was left out: ",
-            "is ignored",
-            "not known and ignored",
-            "was converted",
-            "is read as",
-            "stated sigma",
-        ),
-    ),
-)
-
-
 def caveat(text: str) -> Warned:
     """A remark as a warning with its rank."""
-    return Warned(text, rank=next((r for r, held in RANKS if any(h in text for h in held)), Rank.DATA))
+    return Warned(text, rank=Remark.of(text).rank)
 
 
 def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:
@@ -147,9 +126,9 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
     } - set(asked)
     plain, impossible = [], {}
     for text in remarks:
-        left = LEFT_OUT.match(text)
-        if left is not None and left[1] in shipped:
-            impossible[left[1]] = text
+        kind = Remark.of(text).left_out
+        if kind in shipped:
+            impossible[kind] = text
         else:
             plain.append(caveat(text))
     if impossible:

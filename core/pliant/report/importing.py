@@ -16,11 +16,11 @@ from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
+from pliant.records.remark import Rank
 from pliant.report.document import (
     Column,
     Document,
     Drawn,
-    Rank,
     Section,
     Table,
     Warned,
