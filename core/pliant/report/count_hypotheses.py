@@ -25,7 +25,7 @@ from pliant.report.document import (
     page_table,
     section,
 )
-from pliant.report.fitted import caveat, probability_text, verdict_json
+from pliant.report.fitted import caveat, most_probable, probability_text, verdict_json
 
 HYPOTHESES_BRIEF = 12  # rows of the terminal's table
 NAMED = 4
@@ -114,12 +114,14 @@ def counts_diagnosis_document(
 ) -> Document:
     """The document of `pliant diagnose` on a file of counts."""
     reasons = counts_why(found, judged)
+    shown, which = most_probable(found.probability, HYPOTHESES_BRIEF)
+    rows = [one for one in weighed_hypotheses(found) if one.kinds in shown]
     return Document(
         kind="Pliant: which explanation do these counts allow?",
         title=title,
         sentence=judged.sentence,
         data=counts_diagnosis_json(found, judged, registry),
-        brief=(brief_table(EVERY_COLUMN, weighed_hypotheses(found)[:HYPOTHESES_BRIEF]),),
+        brief=(brief_table(EVERY_COLUMN, rows, which),),
         points=tuple(reasons),
         warnings=tuple(map(caveat, found.comparison.remarks)),
         closing=(judged.sentence, *reasons),

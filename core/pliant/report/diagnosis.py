@@ -43,6 +43,7 @@ from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,
+    most_probable,
     next_run_json,
     probability_text,
     verdict_json,
@@ -183,13 +184,13 @@ def implausible(found: Diagnosis) -> list[str]:
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
-    every = list(found.judgement.probability)[:MOST_SHOWN]
+    rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
     shown = found.judgement.credible[:MOST_SHOWN]
     lines = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (brief_table(hypothesis_columns(found), every), *lines)
+    return (brief_table(hypothesis_columns(found), rows, which), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:

@@ -9,7 +9,7 @@ from typing import Any
 from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
-from pliant.diagnosis.verdict import Judgement
+from pliant.diagnosis.verdict import NOTHING, Judgement, Kinds
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
 from pliant.records.remark import Remark
@@ -18,6 +18,7 @@ from pliant.report.document import Column, Table, Warned, as_json, brief_table, 
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
+NEXT_TO_NOTHING = 1e-3  # of probability: not worth a row
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
 
@@ -135,6 +136,28 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
         sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
         plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
     return tuple(plain)
+
+
+def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[Kinds], str]:
+    """Explanations for a table of the terminal, the most probable first, and in words which these are.
+
+    Args:
+        probability: of every explanation.
+        most: rows; the model as it is stands among them in any case, and what holds next to nothing does not.
+    """
+    every = sorted(probability, key=lambda kinds: -probability[kinds])
+    likely = [kinds for kinds in every[:most] if probability[kinds] >= NEXT_TO_NOTHING]
+    shown = [kinds for kinds in every if kinds in likely or kinds == NOTHING]
+    rest = sum(probability[kinds] for kinds in every if kinds not in shown)
+    if len(shown) == len(every):
+        return shown, f"All {len(every)} explanations, the most probable first."
+    return shown, (
+        f"The {len(shown)} most probable of {len(every)} explanations; the others, in the report, hold "
+        f"{whole_percent(rest)} together."
+        if NOTHING in likely or NOTHING not in shown
+        else f"The most probable of {len(every)} explanations, and the model as it is; the others, in the report, hold "
+        f"{whole_percent(rest)} together."
+    )
 
 
 def parameter_word(parameter: str, unit: str) -> str:
