@@ -14,6 +14,7 @@ from pliant.records.counts import Counts
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.report.comparison import ROWS
+from pliant.report.count_answers import diagnosis_answers
 from pliant.report.counts import OUTPUT, counts_json, shares_picture
 from pliant.report.document import (
     Column,
@@ -122,6 +123,9 @@ def counts_diagnosis_document(
         sentence=judged.sentence,
         data=counts_diagnosis_json(found, judged, registry),
         brief=(brief_table(EVERY_COLUMN, rows, which),),
+        answers=diagnosis_answers(
+            found, judged, {kinds: level_text(row) for kinds, row in found.rows.items()}
+        ),
         points=tuple(reasons),
         warnings=tuple(map(caveat, found.comparison.remarks)),
         closing=(judged.sentence, *reasons),
