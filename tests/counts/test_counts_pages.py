@@ -30,7 +30,7 @@ def compared(conditions, simulated):
 
 def test_a_comparison_says_which_conditions_are_wrong_and_which_way():
     said = answers_of(compared([[10, 9, 10], [0, 0, 0], [6, 7, 6]], [(0, 10), (0, 10), (6, 10)]))
-    assert "1 of 3 conditions beyond chance" in said["How good"]
+    assert "1 of 3 conditions differs by more than chance" in said["How good"]
     assert said["What is missing"].startswith("The bench succeeds more often: 0 weights (29/30, model 0/10)")
     assert "90 trials counted, 10 simulated" in said["How sure"] and "agree" in said["How sure"]
     assert "pliant diagnose" in said["What next"]

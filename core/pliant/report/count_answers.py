@@ -23,9 +23,10 @@ def counted(count: Count) -> str:
 def good(found: CountComparison) -> str:
     """How far the shares of success are off, and in how many conditions by more than chance."""
     return (
-        f"{100 * found.rmse:.0f} points of the share of successes rms, where chance alone gives "
-        f"{100 * found.noise_floor:.0f}; {len(found.disagreeing)} of {plural(len(found.conditions), 'condition')} "
-        f"beyond chance"
+        f"Shares of success are off by {100 * found.rmse:.0f} percentage points (rms), chance alone gives "
+        f"{100 * found.noise_floor:.0f}; {len(found.disagreeing) or 'none'} of "
+        f"{plural(len(found.conditions), 'condition')} differ{'s' if len(found.disagreeing) == 1 else ''} by more than "
+        "chance"
     )
 
 
@@ -53,7 +54,9 @@ def comparison_answers(found: CountComparison) -> Answers:
     if found.contradictory:
         after = REPEATS
     elif wrong:
-        after = "Ask which number would explain it: pliant diagnose."
+        after = (
+            "Ask which number would explain it: pliant diagnose (it simulates every level of every number)."
+        )
     else:
         after = "Nothing to explain here; more trials, simulated and counted, would show smaller differences."
     return answers(good(found), missing, sure, after)
@@ -77,7 +80,7 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
     best = next((kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     first = good(found.comparison)
     if best != NOTHING and judged.verdict in ("missing_effect", "ambiguous", "unknown_effect"):
-        first += f"; {len(found.comparisons[best].disagreeing)} with {levels[best]}"
+        first += f"; {len(found.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
     missing = {
         "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
         "ambiguous": f"One of these: {judged.contenders}",

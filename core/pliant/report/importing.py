@@ -227,7 +227,7 @@ def _drawn(measurement: Measurement, columns: Table, runs: Table, block: str) ->
         Section(
             TITLE,
             code=block,
-            note="Into a study, or without 'file' into a YAML of the file's stem.",
+            note="Paste it into a study; or its lines without 'file' into a YAML of the same name beside the file.",
             open=True,
         ),
     )
