@@ -50,7 +50,8 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
         write_atomically(folder / f"{number:03d}_study.yaml", made.study)
         write_atomically(folder / f"{number:03d}.csv", made.csv)
         write_atomically(label, json.dumps({"group": task.group, **made.label}, indent=1))
-        yield f"{number:03d} {task.spec.kind} {task.spec.engine} {task.spec.robot} {made.label['snr_reached']:.2f} σ"
+        what, spec = " + ".join(made.label["forms"]), task.spec
+        yield f"{number:03d} {spec.kind} ({what}) {spec.engine} {spec.robot} {made.label['snr_reached']:.2f} σ"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

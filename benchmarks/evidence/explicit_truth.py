@@ -1,6 +1,6 @@
 """Truth engine 3: one joint with its own inertia, by explicit steps of 1 ms (velocity Verlet, Verlet 1967).
 
-    I ü = effort(u) − c u̇ − M + Q(u)
+    I ü = effort(u) − c(u̇) u̇ − M + Q(u)
 
 Half a kick, a drift, half a kick; the effort's memory goes along once per step. What heals in time is forgotten after
 the joint has been laid slowly where the first sample has it.
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, effort, healed, with_wrap, wraps
+from benchmarks.evidence.forms import Drive, Forms, damping_of, effort, healed, with_wrap, wraps
 from benchmarks.evidence.functional_truth import (
     Bones,
     Inputs,
@@ -20,6 +20,7 @@ from benchmarks.evidence.functional_truth import (
     driven,
     followed,
     ramped,
+    resting,
     weights,
 )
 from benchmarks.evidence.protocols import Protocol
@@ -42,24 +43,28 @@ def _advance(
     memory: Array,
     new: Array,
     f: Forms,
+    viscous: Forms,
 ) -> None:
-    """One step of `state`: angle, velocity, acceleration."""
+    """One step of `state`: angle, velocity, and its rate but for the damping, which is implicit."""
     moments, slopes, at = np.empty(1), np.empty((1, 1)), np.empty(1)
-    state[1] += 0.5 * dt * state[2]
+    damping = bones.damping + damping_of(state[1], viscous)
+    state[1] = (state[1] + 0.5 * dt * state[2]) / (1.0 + 0.5 * dt * damping / bones.inertia[0])
     step = dt * state[1]
     state[0] += step
     at[0] = state[0]
     weights(at, bones, gravity, moments, slopes)
     seen = with_wrap(drive, wraps(at, bones.module, f)[0])
     total = effort(state[0], step, dt, seen, memory[0], new[0], f)
-    total += weight * moments[0] - drive.moment_n_m * bones.load_share[0] - bones.damping * state[1]
+    total += weight * moments[0] - drive.moment_n_m * bones.load_share[0]
     memory[0, :] = new[0]
     state[2] = total / bones.inertia[0]
-    state[1] += 0.5 * dt * state[2]
+    state[1] = (state[1] + 0.5 * dt * state[2]) / (1.0 + 0.5 * dt * damping / bones.inertia[0])
 
 
 @njit(cache=True)
-def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms) -> tuple[Array, float]:
+def _follow(
+    inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms, viscous: Forms
+) -> tuple[Array, float]:
     """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
     count = len(inputs.pressure)
     new, state = memory.copy(), np.zeros(3)
@@ -67,11 +72,11 @@ def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
         drive = ramped(inputs, share, cycles)
-        _advance(state, STEP_S, drive, share, inputs.gravity, bones, memory, new, f)
+        _advance(state, STEP_S, drive, share, inputs.gravity, bones, memory, new, f, viscous)
         if k >= ramp:  # it comes to rest at once, without ringing into the run
             state[1] *= 0.99
     healed(memory)
-    supply = np.full(2, inputs.pressure[0])
+    supply = resting(inputs)
     angles = np.empty((count, 1))
     angles[0, 0] = state[0]
     for i in range(1, count):
@@ -81,7 +86,7 @@ def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms
         for k in range(1, parts + 1):
             cycles += cycles_of(inputs, i, parts)
             drive = driven(inputs, i, k / parts, 0.0, dt, supply, cycles, f)
-            _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
+            _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f, viscous)
         angles[i, 0] = state[0]
     return angles, cycles
 
@@ -97,7 +102,9 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
     if len(bones.masses) != 1:
         raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {len(bones.masses)}")
 
+    dry = truth.forms._replace(viscous=0.0)
+
     def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
-        return *_follow(inputs, bones, memory, cycles, truth.forms), True
+        return *_follow(inputs, bones, memory, cycles, dry, truth.forms), True
 
     return followed(protocol, truth, 1, run_of)

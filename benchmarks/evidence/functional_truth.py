@@ -15,9 +15,20 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, with_wrap, wraps
+from benchmarks.evidence.forms import (
+    DEAD_TIME,
+    TYPICAL_ANGLE_RAD,
+    Drive,
+    Forms,
+    arriving,
+    effort,
+    healed,
+    virgin,
+    with_wrap,
+    wraps,
+)
 from benchmarks.evidence.protocols import Protocol, Run
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.robots import B_E, PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, gravity_on, skeleton
 from numba import njit
 
@@ -82,13 +93,31 @@ def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
 
 
 @njit(cache=True)
+def resting(inputs: Inputs) -> Array:
+    """(3,) a supply in balance with the run's first pressure."""
+    return np.array([inputs.pressure[0], inputs.pressure[0], 0.0])
+
+
+@njit(cache=True)
+def commanded(inputs: Inputs, i: int, time: float) -> float:
+    """The pressure that was commanded at a time up to that of sample i."""
+    while i > 1 and time < inputs.time[i - 1]:
+        i -= 1
+    span = inputs.time[i] - inputs.time[i - 1]
+    share = max(0.0, (time - inputs.time[i - 1]) / span)
+    return inputs.pressure[i - 1] + share * (inputs.pressure[i] - inputs.pressure[i - 1])
+
+
+@njit(cache=True)
 def driven(
     inputs: Inputs, i: int, share: float, lead: float, dt: float, supply: Array, cycles: float, f: Forms
 ) -> Drive:
     """What acts after a share of the way from sample i − 1 to i; the chamber is filled from `lead` before it."""
-    start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
+    rise = inputs.pressure[i] - inputs.pressure[i - 1]
     before, span = inputs.time[i - 1], inputs.time[i] - inputs.time[i - 1]
-    middle, end = start + (share - lead) * rise, start + share * rise
+    dead = f.lag_second * f.lag_s if f.lag_shape == DEAD_TIME else 0.0
+    middle = commanded(inputs, i, before + (share - lead) * span - dead)
+    end = commanded(inputs, i, before + share * span - dead)
     chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
     moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
     time = before + share * span
@@ -164,7 +193,19 @@ def own(
     """Effort of hinge j by itself: a module's joint, or the spring of a connection."""
     if bones.module[j] < 0:
         return -(bones.springs[j, 0] + bones.springs[j, 1] * u * u) * u
-    return effort(u, step, dt, drive, old, new, f)
+    held = 0.0
+    if bones.module[j] == 0:
+        held = f.end_base
+    if j == len(bones.module) - 1:
+        held = f.end_cap
+    if held == 0.0:
+        return effort(u, step, dt, drive, old, new, f)
+    if f.end_giving <= 0.0:  # a spring beside the joint
+        spring = 1.0 + f.end_cubic * (u / TYPICAL_ANGLE_RAD) ** 2
+        return effort(u, step, dt, drive, old, new, f) - held * B_E * spring * u
+    # A share of the module does not bend, and less of it the further it is bent.
+    free = 1.0 - held / (1.0 + f.end_giving * abs(u) / TYPICAL_ANGLE_RAD)
+    return effort(u / free, step / free, dt, drive, old, new, f)
 
 
 @njit(cache=True)
@@ -235,7 +276,7 @@ def _follow(
     n, count = len(memory), len(inputs.pressure)
     u, before, new = np.zeros(n), np.zeros(n), memory.copy()
     rates = np.zeros((2, n))
-    supply = np.full(2, inputs.pressure[0])
+    supply = resting(inputs)
     well = True
     for k in range(RAMP_STEPS):
         share = (k + 1) / RAMP_STEPS

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, healed, with_wrap, wraps
+from benchmarks.evidence.forms import Drive, Forms, damping_of, healed, with_wrap, wraps
 from benchmarks.evidence.functional_truth import (
     AIR_DAMPING,
     Bones,
@@ -26,6 +26,7 @@ from benchmarks.evidence.functional_truth import (
     followed,
     own,
     ramped,
+    resting,
 )
 from benchmarks.evidence.protocols import Protocol
 from benchmarks.evidence.robots import Array, Robot
@@ -37,6 +38,7 @@ STEP_S = 0.004
 RAMP_S, SETTLE_S = 4.0, 2.0
 SLOPE_STEP_RAD = 1e-6
 
+Views = tuple[Array, Array, Array, Array, Array]
 _LIBRARY = next(Path(mujoco.__file__).parent.glob("libmujoco*"))
 ctypes.CDLL(str(_LIBRARY), mode=ctypes.RTLD_GLOBAL)
 binding.load_library_permanently(str(_LIBRARY))
@@ -55,10 +57,8 @@ def mjcf(bones: Skeleton, body: Any) -> str:
     for j, axis in enumerate(bones.axes):
         parent = ElementTree.SubElement(parent, "body", pos=_numbers(bones.offsets_m[j]))
         joint = ElementTree.SubElement(parent, "joint", type="hinge", axis=_numbers(axis))
-        own_damping, own_friction = body.joint_damping, body.joint_friction
-        if bones.module[j] < 0:
-            own_damping, own_friction = 0.0, 0.0
-        joint.set("damping", f"{AIR_DAMPING + body.drag + own_damping:.9e}")
+        own_friction = body.joint_friction if bones.module[j] >= 0 else 0.0
+        joint.set("damping", f"{AIR_DAMPING + body.drag:.9e}")
         joint.set("solreffriction", f"{2 * STEP_S} 1")
         joint.set("solimpfriction", "0.9999 0.9999 0.001 0.5 2")
         joint.set("frictionloss", f"{own_friction:.9e}")
@@ -80,16 +80,20 @@ def _numbers(values: Array) -> str:
 @njit(cache=True)
 def _advance(
     handles: tuple[int, int],
-    views: tuple[Array, Array, Array, Array],
+    views: Views,
     drive: Drive,
     bones: Bones,
     before: Array,
     memory: Array,
     new: Array,
     f: Forms,
+    viscous: Forms,
 ) -> None:
-    """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes."""
-    position, _, force, stiffness = views
+    """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes.
+
+    Damping is MuJoCo's own, at the secant of its form `viscous`; `f` has none.
+    """
+    position, velocity, force, stiffness, damping = views
     wrap = wraps(position, bones.module, f)
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]
@@ -99,6 +103,8 @@ def _advance(
         slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
         before[j] = u
         stiffness[j] = slope
+        if bones.module[j] >= 0:
+            damping[j] = bones.damping + damping_of(velocity[j], viscous)
         force[j] = value - drive.moment_n_m * bones.load_share[j] + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
@@ -110,16 +116,17 @@ def _advance(
 @njit(cache=True)
 def _follow(
     handles: tuple[int, int],
-    views: tuple[Array, Array, Array, Array],
+    views: Views,
     gravity: Array,
     inputs: Inputs,
     bones: Bones,
     memory: Array,
     cycles: float,
     f: Forms,
+    viscous: Forms,
 ) -> tuple[Array, float]:
     """One run from rest: (t, n) angles and the cycles that the specimen has done after it."""
-    position, velocity, _, _ = views
+    position, velocity, _, _, _ = views
     n, count = len(position), len(inputs.pressure)
     new, before = memory.copy(), np.zeros(n)
     position[:], velocity[:] = 0.0, 0.0
@@ -129,9 +136,9 @@ def _follow(
         # The bench turns, the world stays: gravity is what is turned.
         gravity[:] = share * inputs.gravity
         drive = ramped(inputs, share, cycles)
-        _advance(handles, views, drive, bones, before, memory, new, f)
+        _advance(handles, views, drive, bones, before, memory, new, f, viscous)
     healed(memory)
-    supply = np.full(2, inputs.pressure[0])
+    supply = resting(inputs)
     angles = np.empty((count, n))
     angles[0] = position
     for i in range(1, count):
@@ -140,7 +147,7 @@ def _follow(
         for k in range(1, parts + 1):
             cycles += cycles_of(inputs, i, parts)
             drive = driven(inputs, i, k / parts, 0.0, STEP_S, supply, cycles, f)
-            _advance(handles, views, drive, bones, before, memory, new, f)
+            _advance(handles, views, drive, bones, before, memory, new, f, viscous)
         angles[i] = position
     return angles, cycles
 
@@ -152,10 +159,13 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
     model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
     data = mujoco.MjData(model)
     handles = (model._address, data._address)
-    views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness)
+    views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness, model.dof_damping)
+
+    dry = truth.forms._replace(viscous=0.0)
 
     def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         mujoco.mj_resetData(model, data)
-        return *_follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms), True
+        found = _follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, dry, truth.forms)
+        return *found, True
 
     return followed(protocol, truth, len(found.masses_kg), run_of)

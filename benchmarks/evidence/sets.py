@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
-from benchmarks.evidence.protocols import Protocol, Run, protocol
+from benchmarks.evidence.form_table import Split
+from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
@@ -21,7 +22,6 @@ from benchmarks.evidence.truths import (
     CLEAN,
     Engine,
     HiddenTruth,
-    Split,
     Truth,
     draw,
     hidden_kinds,
@@ -161,6 +161,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         "snr_reached": snr,
         "excited": all(part.signal >= EXCITED_SNR for part in scaled),
         "sigma": sigma,
+        "forms": [part.form for part in truth.parts],
         "drawn": dict(truth.drawn),
         "csv_sha256": hashlib.sha256(csv.encode()).hexdigest(),
     }
@@ -173,10 +174,12 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
     for run, angles, slip in zip(
         runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
     ):
-        ideal = readings(robot, angles, run.base_angles_rad, truth.body)
+        share = run.pressure_pa / PRESSURE_MAX_PA
+        ideal = readings(robot, angles, run.base_angles_rad, truth.body, share)
         names = (*robot.outputs, *robot.second) if run.second else robot.outputs
         turns = [name for name in names if name.endswith("angle_rad")]
-        seen = {name: sensed(ideal[name], run.time_s, truth.sensor, slip) for name in turns}
+        held = (slip, run.temperature_c - ROOM_C, run.base_angles_rad[1])
+        seen = {name: sensed(ideal[name], run.time_s, truth.sensor, *held) for name in turns}
         outputs.append({name: seen.get(name, ideal[name]) for name in names})
     return outputs
 

@@ -23,10 +23,14 @@ class Body:
     Attributes:
         fitting_kg, fitting_share, fitting_side_m: a point mass on every piece, at a share of its length, off its axis.
         crossbar_kg_m2: a balanced bar on every piece: inertia without weight.
-        joint_damping, joint_friction: MuJoCo's own.
+        bar_drag_1_s: damping of the bars over their inertia.
+        joint_friction: MuJoCo's own.
         interface: compliance of each connection between modules over that of a joint at rest.
         interface_cubic: its torque's third power, over the linear one at 0.1 rad.
         twist_rad, twist_tilt: the bending axes' turn about the chain, and its share by which they differ along it.
+        twist_bow: its share that comes with the square of the place along the chain.
+        stretch: strain of the pieces at the largest pressure, along a power of the pressure or soon and then no more.
+        stretch_taper: by how much more the last piece stretches than one in the middle, over it.
         tilt_x_rad, tilt_y_rad, tilt_z_rad: rotation vector of the base, in world axes of the bench at rest.
     """
 
@@ -34,12 +38,17 @@ class Body:
     fitting_share: float = 0.9
     fitting_side_m: float = 0.0
     crossbar_kg_m2: float = 0.0
-    joint_damping: float = 0.0
+    bar_drag_1_s: float = BARS_DRAG_1_S
     joint_friction: float = 0.0
     interface: float = 0.0
     interface_cubic: float = 0.0
     twist_rad: float = 0.0
     twist_tilt: float = 0.0
+    twist_bow: float = 0.0
+    stretch: float = 0.0
+    stretch_power: float = 1.0
+    stretch_saturating: float = 0.0
+    stretch_taper: float = 0.0
     tilt_x_rad: float = 0.0
     tilt_y_rad: float = 0.0
     tilt_z_rad: float = 0.0
@@ -47,7 +56,7 @@ class Body:
     @property
     def drag(self) -> float:
         """Damping of what swings, N·m·s: it ends what the bars begin before the dense samples do."""
-        return BARS_DRAG_1_S * self.crossbar_kg_m2
+        return self.bar_drag_1_s * self.crossbar_kg_m2
 
     @property
     def tilt(self) -> Array:
@@ -85,7 +94,7 @@ def skeleton(robot: Robot, body: Body) -> Skeleton:
     last = robot.modules - 1
     for i, (length, mass) in enumerate(zip(robot.piece_lengths_m, robot.piece_masses_kg, strict=True)):
         place = 2.0 * i / last - 1.0 if last else 0.0
-        angle = body.twist_rad * (1.0 + body.twist_tilt * place)
+        angle = body.twist_rad * (1.0 + body.twist_tilt * place + body.twist_bow * (place * place - 0.5))
         axis = np.array([np.sin(angle), -np.cos(angle), 0.0])
         split = body.interface > 0.0 and i < last
         part = length / 2 if split else length
@@ -144,16 +153,28 @@ def gravity_on(angles_rad: tuple[float, float, float], body: Body) -> Array:
     return base_turn(angles_rad, body).T @ GRAVITY
 
 
-def tips(bones: Skeleton, angles: Array, base: Array) -> Array:
-    """(t, 3) the tip in the world, of hinge angles (t, n)."""
+def stretches(body: Body, count: int, share: Array) -> Array:
+    """(t, count + 1) length of every piece over that at rest, base first, at shares (t,) of the largest pressure."""
+    if body.stretch_saturating > 0.0:
+        grown = -np.expm1(-body.stretch_saturating * share) / -np.expm1(-body.stretch_saturating)
+    else:
+        grown = np.maximum(share, 0.0) ** body.stretch_power
+    uneven = 1.0 + body.stretch_taper * np.linspace(-1.0, 1.0, count + 1)
+    return 1.0 + body.stretch * np.outer(grown, uneven)
+
+
+def tips(bones: Skeleton, angles: Array, base: Array, longer: Array | None = None) -> Array:
+    """(t, 3) the tip in the world, of hinge angles (t, n), with pieces `longer` (t, n + 1) than at rest by factors."""
+    if longer is None:
+        longer = np.ones((len(angles), len(bones.axes) + 1))
     rotation = np.broadcast_to(base, (len(angles), 3, 3))
     place = np.zeros((len(angles), 3))
     for j, axis in enumerate(bones.axes):
-        place = place + rotation @ bones.offsets_m[j]
+        place = place + longer[:, j, None] * (rotation @ bones.offsets_m[j])
         cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
         s, c = np.sin(angles[:, j])[:, None, None], np.cos(angles[:, j])[:, None, None]
         rotation = rotation @ (np.eye(3) + s * cross + (1 - c) * cross @ cross)
-    return place + rotation @ bones.tip_m
+    return place + longer[:, -1:] * (rotation @ bones.tip_m)
 
 
 def joint_angles(bones: Skeleton, angles: Array) -> Array:
@@ -171,11 +192,13 @@ def readings(
     angles: Array,
     base_angles_rad: tuple[float, float, float] = (0.0, 0.0, 0.0),
     body: Body | None = None,
+    share: Array | None = None,
 ) -> dict[str, Array]:
-    """Everything that an ideal bench could read of hinge angles (t, n), (t,) each."""
+    """Everything that an ideal bench could read of hinge angles (t, n), (t,) each; `share` (t,) of pressure."""
     body = body or Body()
     bones = skeleton(robot, body)
-    tip = tips(bones, angles, base_turn(base_angles_rad, body))
+    longer = None if share is None else stretches(body, len(bones.axes), share)
+    tip = tips(bones, angles, base_turn(base_angles_rad, body), longer)
     each = joint_angles(bones, angles)
     return {
         "angle_rad": angles.sum(axis=1),

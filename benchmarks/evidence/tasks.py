@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.sets import SetSpec
-from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, Split, robots_of
+from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, robots_of
 
 # Poor sets that get two more runs: the proposed ones, or any of the menu.
 PLANS = ("suggested", "random")
@@ -36,13 +37,14 @@ SHOWN = tuple(
     if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
 )
 NAMED = (*KINDS, CLEAN, *UNKNOWN)
-# Unknown forms are judged on one joint: what they are for a chain depends on where along it they act.
-UNKNOWN_ROBOT = "joint"
+# Clean sets and unknown effects are of every robot in turn.
+TURNS = ("joint", "four", "finger", "chain")
 
 
 # Whatever changes the measured sets: a change there makes other sets, with other names.
 TRUTH_FILES = (
-    "robots skeleton protocols forms sensors truths functional_truth mujoco_truth explicit_truth sets"
+    "robots skeleton protocols forms form_table sensors truths "
+    "functional_truth mujoco_truth explicit_truth sets"
 )
 
 
@@ -93,8 +95,8 @@ class Plan:
     protocol: str = "rich"
     split: Split = "judged"
     seeds: int = 20
-    clean: int = 204
-    unknown: int = 12
+    clean: int = 320
+    unknown: int = 8
     pairs: int = 60
     weak: int = 2
     poor: int = 6
@@ -108,9 +110,9 @@ class Plan:
         """All tasks, or the first `share` of them, in an order in which any beginning is a fair part of every group."""
         usual = {kind: robots_of(kind)[0] for kind in (*KINDS, CLEAN)}
         every = [Task("effect", self._set(kind, seed)) for kind in KINDS for seed in range(self.seeds)]
-        every += [Task("clean", self._set(CLEAN, seed)) for seed in range(self.clean)]
+        every += [Task("clean", self._turn(CLEAN, seed)) for seed in range(self.clean)]
         for kind in UNKNOWN:
-            every += [Task("unknown", self._set(kind, seed, UNKNOWN_ROBOT)) for seed in range(self.unknown)]
+            every += [Task("unknown", self._turn(kind, seed)) for seed in range(self.unknown)]
         for kind, snr, seed in itertools.product(KINDS, WEAK_SNR, range(self.weak)):
             every.append(Task("weak", self._set(kind, seed, usual[kind], snr=snr)))
         for name, count in (("poor", self.poor), ("rich_noload", self.noload)):
@@ -128,6 +130,13 @@ class Plan:
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
         mixed = _interleaved(kept)
         return mixed[: max(1, round(self.share * len(mixed)))]
+
+    def _turn(self, kind: str, seed: int) -> SetSpec:
+        """A set of the robot whose turn it is, and of the engine whose turn it is among those of that robot."""
+        name = TURNS[seed % len(TURNS)]
+        engines = ENGINES[self.split, name == "joint"]
+        engine = engines[seed // len(TURNS) % len(engines)]
+        return SetSpec(kind, seed, engine, name, self.protocol, self.split)
 
     def _set(
         self, kind: str, seed: int, robot: str = "", protocol: str = "", snr: float | None = None

@@ -2,8 +2,7 @@
 
 A truth is drawn once (`draw`) and then taken at a strength for each effect (`HiddenTruth.at`), which `sets.py` scales
 until the outputs change by the wanted share of the noise; two effects ("a+b") are scaled one by one. Sets for
-calibrating thresholds and sets that are judged draw from other ranges, and where a form has a switch, other forms
-(`split`), so that no threshold has seen the forms it is judged on.
+calibrating thresholds and sets that are judged have other forms (`form_table.py`).
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
+from benchmarks.evidence.form_table import Split, forms_of
 from benchmarks.evidence.forms import Forms
 from benchmarks.evidence.robots import Robot
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
 
-Split = Literal["calibration", "judged"]
 Engine = Literal["functional", "mujoco", "explicit"]
 Right = tuple[str, ...]
 
@@ -42,7 +41,7 @@ FOURTEEN = (
     "gravity_scale",
     "sensor_bias",
 )
-ELEVEN = (
+THIRTEEN = (
     "wall_thickness",
     "leak",
     "tendon_friction",
@@ -54,8 +53,10 @@ ELEVEN = (
     "sensor_lag",
     "inertia",
     "bimodulus",
+    "end_restraint",
+    "link_stretch",
 )
-KINDS = (*FOURTEEN, *ELEVEN)
+KINDS = (*FOURTEEN, *THIRTEEN)
 # Two of these are hidden together: any two, each found on one joint by itself.
 PAIRED = FOURTEEN
 # What no plugin has, and the verdicts that count as right. Repeats disagree in those that also allow `not_repeatable`.
@@ -69,6 +70,11 @@ UNKNOWN: Mapping[str, Right] = {
     "sensor_wave": ("unknown_effect",),
     "session_drift": ("unknown_effect", "not_repeatable"),
     "wall_buckling": ("unknown_effect",),
+    "supply_beat": ("unknown_effect",),
+    "detent": ("unknown_effect",),
+    "load_coupling": ("unknown_effect",),
+    "tilted_sensor": ("unknown_effect",),
+    "warm_sensor": ("unknown_effect",),
 }
 # Where a kind makes sense: most sets are made of the first robot, some of the second.
 ROBOTS_OF: Mapping[str, tuple[str, str]] = {
@@ -77,6 +83,8 @@ ROBOTS_OF: Mapping[str, tuple[str, str]] = {
     "inter_module_compliance": ("four", "four"),
     "cross_axis": ("four", "four"),
     "inertia": ("joint", "joint"),
+    "end_restraint": ("finger", "four"),
+    "link_stretch": ("four", "chain"),
     "backlash": ("joint", "finger"),
     "friction_hysteresis": ("joint", "finger"),
     "actuation_gain": ("joint", "finger"),
@@ -96,18 +104,22 @@ class Truth:
     sensor: Sensor = field(default_factory=Sensor)
 
 
+FIELDS = frozenset((*Forms._fields, *Body.__dataclass_fields__, *Sensor.__dataclass_fields__))
+
+
 @dataclass(frozen=True)
 class Part:
     """One hidden effect without its strength.
 
     Attributes:
-        kind: one of `KINDS`, `UNKNOWN` or `CLEAN`.
+        kind: one of `KINDS`, `UNKNOWN` or `CLEAN`; form: of the table of forms, by name.
         change: fields of `Forms`, `Body` and `Sensor` at a strength; 1 is about 2 σ under a rich protocol, 0 is none.
         largest: the strength beyond which the form makes no sense.
         drawn: its random numbers, by name.
     """
 
     kind: str
+    form: str
     change: Callable[[float], dict[str, float]]
     largest: float
     drawn: Mapping[str, float]
@@ -161,13 +173,13 @@ def right_verdicts(kind: str) -> Right:
 
 
 def _viscoelastic(s: float, v: Any) -> dict[str, float]:
-    branches = {f"branch_{k + 1}": 0.004 * s * v.tilt**k for k in range(3)}
-    return branches | {f"time_{k + 1}_s": v.time_s * v.spread ** (k - 1) for k in range(3)}
+    count, middle = int(v.branches), (v.branches - 1) / 2
+    sizes = {f"branch_{k + 1}": 0.012 / count * s * v.tilt**k for k in range(count)}
+    return sizes | {f"time_{k + 1}_s": v.time_s * v.spread ** (k - middle) for k in range(count)}
 
 
-def _self_contact(s: float, v: Any) -> dict[str, float]:
-    shape = {"contact_at": v.at, "contact_width": v.width, "contact_quadratic": v.calibration}
-    return {"contact": 0.04 * s, **shape}
+def _friction(s: float, v: Any) -> dict[str, float]:
+    return {"joint_friction": 1e-3 * s} if hasattr(v, "own") else {"friction": 1e-3 * s}
 
 
 def _gravity(s: float, v: Any) -> dict[str, float]:
@@ -175,13 +187,15 @@ def _gravity(s: float, v: Any) -> dict[str, float]:
     return {"fitting_kg": 0.25 * v.robot.mass_kg * s, **place}
 
 
-def _supply_lag(s: float, v: Any) -> dict[str, float]:
-    return {"lag_s": 0.5 * s, "lag_vent": v.vent, "lag_second": v.second, "lag_linear": v.linear}
+def _sensor_bias(s: float, v: Any) -> dict[str, float]:
+    bias = {"bias_rad": 0.015 * v.read_modules * v.sign * s}
+    if hasattr(v, "bias_period"):
+        bias["bias_period_rad"] = v.bias_period * v.read_modules
+    return bias | ({"scale": v.scale * min(s, 1.0)} if hasattr(v, "scale") else {})
 
 
-def _wall_thickness(s: float, v: Any) -> dict[str, float]:
-    powers = {"wall_linear": v.linear, "wall_quadratic": v.quadratic, "wall_gain": v.gain}
-    return {"wall": 1.0 + 0.06 * v.sign * s, **powers}
+def _sensor_scale(s: float, v: Any) -> dict[str, float]:
+    return {"scale": 0.08 * v.sign * s, "curvature_over_rad": 0.8 * v.read_modules}
 
 
 def _base_misalignment(s: float, v: Any) -> dict[str, float]:
@@ -189,151 +203,100 @@ def _base_misalignment(s: float, v: Any) -> dict[str, float]:
     return {**across, "tilt_z_rad": 0.05 * s * v.third}
 
 
-def _backlash(s: float, v: Any) -> dict[str, float]:
-    share = v.robot.modules if "angle_rad" in v.robot.outputs else 1
-    return {"play_rad": 0.03 * share * s, "play_knee": v.knee}
+def _end_restraint(s: float, v: Any) -> dict[str, float]:
+    per = 0.15 if hasattr(v, "gives") else 0.25
+    return {"end_base": per * s * (1 - v.balance), "end_cap": per * s * v.balance}
 
 
 def _sensor_wave(s: float, v: Any) -> dict[str, float]:
-    n = v.robot.modules
-    return {"wave_rad": 0.025 * n * s, "wave_period_rad": v.period_rad * n, "wave_phase": v.phase}
+    return {"wave_rad": 0.025 * v.read_modules * s, "wave_period_rad": v.wave_period * v.read_modules}
 
 
-def _bimodulus(s: float, v: Any) -> dict[str, float]:
-    shape = {"bimodulus_width": v.width, "bimodulus_quadratic": v.quadratic}
-    return {"bimodulus": 0.15 * v.sign * s, **shape}
+def _detent(s: float, v: Any) -> dict[str, float]:
+    return {
+        "detent": 1e-3 * s,
+        "detent_period_rad": v.detent_period,
+        "detent_at_rad": getattr(v, "detent_at", 0.0),
+    }
 
 
-def _friction(s: float, v: Any) -> dict[str, float]:
-    return {"friction": 1e-3 * s, "friction_width": v.width, "friction_stops": v.calibration}
-
-
-def _sensor_bias(s: float, v: Any) -> dict[str, float]:
-    return {"bias_rad": 0.015 * v.robot.modules * v.sign * s, "scale": v.scale * min(s, 1.0)}
-
-
-def _tendon_friction(s: float, v: Any) -> dict[str, float]:
-    return {"tendon": 0.15 * s, "tendon_rest_rad": v.rest_rad, "tendon_width": v.width}
-
-
-def _torque_ripple(s: float, v: Any) -> dict[str, float]:
-    return {"ripple": 1e-3 * s, "ripple_period_s": v.period_s, "ripple_phase": v.phase}
-
-
-# The largest strength of each kind, and its fields at a strength s with the numbers v that were drawn for it.
+# The largest strength of each kind, and its fields at a strength s with the numbers v of its form; numbers that
+# have the name of a field are that field's. `v.read_modules` is how many modules a reading of an angle adds up.
 CHANGES: Mapping[str, tuple[float, Callable[[float, Any], dict[str, float]]]] = {
     CLEAN: (0.0, lambda s, v: {}),
-    "stiffness": (4.0, lambda s, v: {"stiffness": 0.12 * v.sign * s, "stiffness_quadratic": v.quadratic}),
-    "actuation_gain": (5.0, lambda s, v: {"gain": 0.07 * v.sign * s, "gain_fading": v.fading}),
-    "pressure_offset": (6.0, lambda s, v: {"offset_pa": 400 * v.sign * s, "offset_fading": v.fading}),
-    "dead_zone": (8.0, lambda s, v: {"dead_pa": 600 * s, "dead_width": v.width}),
-    "supply_lag": (8.0, _supply_lag),
-    "viscous_damping": (20.0, lambda s, v: {"viscous": 0.01 * s, "viscous_power": v.power}),
+    "stiffness": (4.0, lambda s, v: {"stiffness": 0.12 * v.sign * s}),
+    "actuation_gain": (5.0, lambda s, v: {"gain": 0.07 * v.sign * s}),
+    "pressure_offset": (6.0, lambda s, v: {"offset_pa": 400 * v.sign * s}),
+    "dead_zone": (8.0, lambda s, v: {"dead_pa": 600 * s}),
+    "supply_lag": (8.0, lambda s, v: {"lag_s": 0.5 * s}),
+    "viscous_damping": (20.0, lambda s, v: {"viscous": 0.01 * s}),
     "viscoelastic": (8.0, _viscoelastic),
     "friction_hysteresis": (6.0, _friction),
-    "mullins": (4.25, lambda s, v: {"mullins": min(0.2 * s, 0.85), "mullins_scale": v.scale}),
-    "permanent_set": (6.0, lambda s, v: {"set_share": 0.1 * s, "set_power": v.power}),
-    "self_contact": (40.0, _self_contact),
-    "thermal_softening": (2.5, lambda s, v: {"thermal": 0.01 * s, "thermal_curvature": v.curvature}),
+    "mullins": (4.25, lambda s, v: {"mullins": min(0.2 * s, 0.85)}),
+    "permanent_set": (6.0, lambda s, v: {"set_share": 0.1 * s}),
+    "self_contact": (40.0, lambda s, v: {"contact": 0.04 * s}),
+    "thermal_softening": (2.5, lambda s, v: {"thermal": 0.01 * s}),
     "gravity_scale": (6.0, _gravity),
     "sensor_bias": (10.0, _sensor_bias),
-    "wall_thickness": (6.0, _wall_thickness),
-    "leak": (10.0, lambda s, v: {"leak_1_s": 0.03 * s, "leak_power": v.power, "leak_filling_s": v.filling_s}),
-    "tendon_friction": (8.0, _tendon_friction),
-    "backlash": (10.0, _backlash),
+    "wall_thickness": (6.0, lambda s, v: {"wall": 1.0 + 0.06 * v.sign * s}),
+    "leak": (10.0, lambda s, v: {"leak_1_s": 0.03 * s}),
+    "tendon_friction": (8.0, lambda s, v: {"tendon": 0.15 * s}),
+    "backlash": (10.0, lambda s, v: {"play_rad": 0.03 * v.read_modules * s}),
     "base_misalignment": (6.0, _base_misalignment),
-    "inter_module_compliance": (10.0, lambda s, v: {"interface": 0.15 * s, "interface_cubic": v.cubic}),
-    "cross_axis": (10.0, lambda s, v: {"twist_rad": 0.08 * v.sign * s, "twist_tilt": v.tilt}),
-    "sensor_scale": (6.0, lambda s, v: {"scale": 0.08 * v.sign * s, "curvature": v.curvature}),
-    "sensor_lag": (
-        10.0,
-        lambda s, v: {"late_s": 0.4 * s, "late_second": v.second, "late_falling": v.falling},
-    ),
+    "inter_module_compliance": (10.0, lambda s, v: {"interface": 0.15 * s}),
+    "cross_axis": (10.0, lambda s, v: {"twist_rad": 0.08 * v.sign * s}),
+    "sensor_scale": (6.0, _sensor_scale),
+    "sensor_lag": (10.0, lambda s, v: {"late_s": 0.4 * s}),
     "inertia": (4.7, lambda s, v: {"crossbar_kg_m2": 4e-5 * s}),
-    "bimodulus": (5.0, _bimodulus),
-    "gain_bump": (5.0, lambda s, v: {"bump": 0.15 * s, "bump_at": v.at, "bump_width": v.width}),
-    "torque_ripple": (10.0, _torque_ripple),
-    "run_slip": (20.0, lambda s, v: {"slip_rad": 0.015 * v.robot.modules * s}),
-    "cycle_ageing": (6.0, lambda s, v: {"ageing": 0.004 * s}),
+    "bimodulus": (5.0, lambda s, v: {"bimodulus": 0.15 * v.sign * s}),
+    "end_restraint": (6.0, _end_restraint),
+    "link_stretch": (9.0, lambda s, v: {"stretch": 0.03 * s}),
+    "gain_bump": (5.0, lambda s, v: {"bump": 0.15 * s}),
+    "torque_ripple": (10.0, lambda s, v: {"ripple": 1e-3 * s}),
+    "run_slip": (20.0, lambda s, v: {"slip_rad": 0.015 * v.read_modules * s}),
+    "cycle_ageing": (20.0, lambda s, v: {"ageing": 0.004 * s}),
     "filling_hysteresis": (6.0, lambda s, v: {"filling": 0.1 * v.sign * s}),
-    "warm_stick": (18.0, lambda s, v: {"warm_stick": 1e-4 * s, "friction_width": 0.03}),
+    "warm_stick": (18.0, lambda s, v: {"warm_stick": 1e-4 * s}),
     "sensor_wave": (6.0, _sensor_wave),
     "session_drift": (3.0, lambda s, v: {"drift_1_s": 2e-4 * v.sign * s}),
-    "wall_buckling": (4.0, lambda s, v: {"buckling": 0.2 * s, "buckling_at": v.at}),
+    "wall_buckling": (4.0, lambda s, v: {"buckling": 0.2 * s}),
+    "supply_beat": (6.0, lambda s, v: {"beat": 0.05 * s}),
+    "detent": (3.0, _detent),
+    "load_coupling": (8.0, lambda s, v: {"load_coupling": 0.3 * v.coupling * s}),
+    "tilted_sensor": (8.0, lambda s, v: {"tilted_rad": 0.02 * v.read_modules * s}),
+    "warm_sensor": (20.0, lambda s, v: {"warm_rad": 0.06 * v.sign * v.read_modules * s}),
 }
-# MuJoCo's own damping and, of one joint, friction: light joints creep through its soft one.
-OWN_DAMPING = (20.0, lambda s, v: {"joint_damping": 0.01 * s})
-OWN_FRICTION = (6.0, lambda s, v: {"joint_friction": 1e-3 * s})
 # Kinds that draw a `sign`, before their other numbers.
 SIGNED = ("stiffness", "actuation_gain", "pressure_offset", "sensor_bias", "wall_thickness", "cross_axis")
-SIGNED += ("sensor_scale", "bimodulus", "filling_hysteresis", "session_drift")
-ANYWHERE, ROUND = ((0.0, 6.28), (0.0, 6.28)), ((0.0, 2 * np.pi), (0.0, 2 * np.pi))
-FADING = ((0.05, 0.15), (-0.15, -0.05))
-# Numbers of a kind in the order in which they are drawn: their ranges in judged and in calibration sets.
-RANGES: Mapping[str, dict[str, tuple[tuple[float, float], tuple[float, float]]]] = {
-    "stiffness": {"quadratic": ((0.6, 0.85), (1.15, 1.4))},
-    "actuation_gain": {"fading": FADING},
-    "pressure_offset": {"fading": FADING},
-    "dead_zone": {"width": ((0.1, 0.2), (0.2, 0.3))},
-    "supply_lag": {
-        "vent": ((1.3, 1.8), (1.0, 1.4)),
-        "second": ((0.08, 0.15), (0.12, 0.25)),
-        "linear": ((0.02, 0.06), (0.08, 0.16)),
-    },
-    "viscous_damping": {"power": ((0.75, 0.9), (0.85, 1.0))},
-    "viscoelastic": {
-        "time_s": ((3.0, 10.0), (2.0, 14.0)),
-        "spread": ((2.6, 3.6), (1.8, 2.8)),
-        "tilt": ((0.7, 1.0), (0.9, 1.3)),
-    },
-    "friction_hysteresis": {"width": ((0.015, 0.04), (0.02, 0.05))},
-    "mullins": {"scale": ((0.04, 0.12), (0.1, 0.25))},
-    "permanent_set": {"power": ((1.5, 2.0), (1.2, 1.6))},
-    "self_contact": {"at": ((0.17, 0.26), (0.2, 0.3)), "width": ((0.02, 0.05), (0.02, 0.05))},
-    "thermal_softening": {"curvature": ((0.003, 0.01), (-0.008, 0.0))},
-    "gravity_scale": {"arm": ((0.7, 1.0), (0.3, 0.6)), "side": ((0.0, 0.02), (-0.02, 0.0))},
-    "sensor_bias": {"scale": ((-0.004, 0.004), (-0.006, 0.006))},
-    "wall_thickness": {
-        "linear": ((2.4, 2.8), (2.0, 2.2)),
-        "quadratic": ((1.6, 1.9), (2.3, 2.5)),
-        "gain": ((0.4, 0.6), (0.2, 0.4)),
-    },
-    "leak": {"power": ((0.6, 0.85), (1.15, 1.4)), "filling_s": ((0.1, 0.2), (0.2, 0.3))},
-    "tendon_friction": {"rest_rad": ((0.05, 0.15), (0.0, 0.1)), "width": ((0.008, 0.02), (0.015, 0.03))},
-    "backlash": {"knee": ((0.3, 0.5), (0.1, 0.3))},
-    "base_misalignment": {"way": ROUND, "third": ((-0.2, 0.2), (-0.1, 0.1))},
-    "inter_module_compliance": {"cubic": ((0.2, 0.6), (-0.1, 0.1))},
-    "cross_axis": {"tilt": ((-0.3, 0.3), (-0.15, 0.15))},
-    "sensor_scale": {"curvature": FADING},
-    "sensor_lag": {"second": ((0.2, 0.4), (0.05, 0.2)), "falling": ((1.0, 1.0), (1.1, 1.3))},
-    "bimodulus": {"quadratic": ((0.7, 0.9), (1.1, 1.3)), "width": ((0.04, 0.08), (0.003, 0.01))},
-    "gain_bump": {"at": ((0.35, 0.65), (0.3, 0.7)), "width": ((0.1, 0.15), (0.12, 0.18))},
-    "torque_ripple": {"period_s": ((27, 47), (20, 60)), "phase": ANYWHERE},
-    "sensor_wave": {"period_rad": ((0.09, 0.15), (0.08, 0.2)), "phase": ANYWHERE},
-    "wall_buckling": {"at": ((0.4, 0.7), (0.35, 0.75))},
-}
+SIGNED += ("sensor_scale", "bimodulus", "filling_hysteresis", "session_drift", "warm_sensor")
 
 
 def draw_part(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> Part:
-    """One effect with random shapes; `v.calibration` is 1 in calibration sets.
+    """One effect of one of the split's forms, with random numbers.
 
     Raises:
         ValueError: a kind that this test bed has not.
     """
+    if kind == CLEAN:
+        return Part(kind, "", lambda s: {}, 0.0, {})
     if kind not in CHANGES:
         raise ValueError(f"no truth of kind '{kind}'")
-    (largest, change), drawn = CHANGES[kind], {}
-    if engine == "mujoco" and kind == "viscous_damping":
-        largest, change = OWN_DAMPING
-    elif engine == "mujoco" and kind == "friction_hysteresis" and robot.modules == 1:
-        largest, change = OWN_FRICTION
-    else:
-        if kind in SIGNED:
-            drawn["sign"] = float(rng.choice([-1.0, 1.0]))
-        for name, ranges in RANGES.get(kind, {}).items():
-            drawn[name] = float(rng.uniform(*ranges[split == "calibration"]))
-    v = SimpleNamespace(**drawn, robot=robot, calibration=float(split == "calibration"))
-    return Part(kind, lambda s: change(s, v), largest, drawn)
+    largest, change = CHANGES[kind]
+    possible = [
+        form
+        for form in forms_of(kind, split)
+        if (not form.engines or engine in form.engines) and (not form.robots or robot.name in form.robots)
+    ]
+    form = possible[int(rng.integers(len(possible)))]
+    drawn = {"sign": float(rng.choice([-1.0, 1.0]))} if kind in SIGNED else {}
+    for name, ends in form.ranges.items():
+        side = float(rng.choice([-1.0, 1.0])) if name in form.either_sign else 1.0
+        drawn[name] = side * float(rng.uniform(*ends))
+    numbers = {**form.switch, **drawn}
+    read_modules = robot.modules if "angle_rad" in robot.outputs else 1
+    v = SimpleNamespace(**numbers, robot=robot, read_modules=read_modules)
+    fields = {name: value for name, value in numbers.items() if name in FIELDS and name != "scale"}
+    return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn)
 
 
 def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> HiddenTruth:

@@ -268,11 +268,18 @@ def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extens
 
 
 def improve(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    named_only: bool = False,
+    workers: Workers = 1,
 ) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
     measurement = read_measurement(opened, data)
-    return improve_with(opened.bench, opened.study, measurement, kinds=kinds, workers=workers)
+    return improve_with(
+        opened.bench, opened.study, measurement, kinds=kinds, named_only=named_only, workers=workers
+    )
 
 
 def calibrate(

@@ -30,6 +30,12 @@ class FormulaPredictor:
         config = configs[0]
         return tuple({"angle_rad": self.function(t, config.a, config.b)} for t in self.clocks)
 
+    def refined(self, parts):
+        return self
+
+    def steps_between_samples(self, effects=(), least=1):
+        return least
+
     def vary(self, configs, towards):
         base = self._readings(configs)
         changes = tuple(

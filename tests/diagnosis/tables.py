@@ -19,8 +19,8 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "heldout_square": left,
         "unseen_square": left,
         "unseen": (left,),
-        "heldout_by_run": (),
         "at_limit": (),
+        "form_price": 0.0,
     }
     return Row(**{field.name: values[field.name] for field in fields(Row)})  # type: ignore[arg-type]
 

@@ -21,8 +21,8 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis import fitting
-from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit, Fitter, condition_of_runs, heldout_residual
+from pliant.diagnosis.candidates import PRIOR_WEIGHT, EffectSet
+from pliant.diagnosis.fitting import EffectFit, Fitter, condition_of_runs, heldout_residual
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()
@@ -66,8 +66,8 @@ def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.Mon
         asked.append(x.copy())
         return point(self, x)
 
-    def descending(self: Fitter, candidate, start, iterations):
-        end, converged = descend(self, candidate, start, iterations)
+    def descending(self: Fitter, candidate, start, iterations, parts):
+        end, converged = descend(self, candidate, start, iterations, parts)
         costs.append((start.cost, end.cost))
         return end, converged
 

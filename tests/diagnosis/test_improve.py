@@ -185,3 +185,30 @@ def test_noise_alone_has_no_stand_in(tmp_path):
     """`nothing` is too probable for the look-alikes to share anything."""
     found = improve(BENCH, study(tmp_path), one_slow_noisy_run(tmp_path), kinds=[*LAGS, "sensor_bias"])
     assert added(found) == []
+
+
+def test_prediction_takes_a_step_that_no_verdict_names(tmp_path):
+    """One run whose error is far from independent: too little to name a cause by, enough to predict better."""
+    measurement = one_slow_noisy_run(tmp_path, effect("actuation_gain", gain=1.3))
+    few = replace(measurement, runs=tuple(_thinned(run, 12) for run in measurement.runs))
+    found = improve(BENCH, study(tmp_path), few, kinds=["actuation_gain", "pressure_offset", "backlash"])
+    strict = improve(BENCH, study(tmp_path), few, kinds=["actuation_gain", "backlash"], named_only=True)
+    assert added(strict) == [] and strict.stop == "ambiguous"
+    assert added(found)[0] == "actuation_gain" and found.steps[1].cause == "open"
+    assert found.steps[1].locked.over_floor < 0.8 * found.steps[0].locked.over_floor
+    assert "not because these data name it" in found.steps[1].why
+    assert "Nothing is named as the cause" in summary(found)
+
+
+def _thinned(run, every):
+    h = run.history
+    kept = {name: values[::every] for name, values in run.outputs.items()}
+    history = h.with_(
+        time_s=h.time_s[::every],
+        actuation={name: values[::every] for name, values in h.actuation.items()},
+        tip_force_n=h.tip_force_n[::every],
+        moment_n_m=h.moment_n_m[::every],
+        temperature_c=h.temperature_c[::every],
+        base_angles_rad=h.base_angles_rad[::every],
+    )
+    return replace(run, history=history, outputs=kept, cycle=run.cycle[::every], lines=run.lines[::every])

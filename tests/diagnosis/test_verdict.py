@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.diagnosis.tables import row, table
 
 from pliant.diagnosis.verdict import (
+    COINCIDENCE,
     NOTHING,
     THRESHOLDS,
     UNKNOWN,
@@ -105,6 +106,43 @@ def test_sets_of_one_size_are_weighed_alike_whatever_their_parts_explain_alone()
     assert odds(table(squares), ("a", "b"), ("c", "d")) == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize("n", [1e3, 1e4, 1e6])
+def test_a_rival_that_leaves_little_is_not_excluded_by_more_readings(n: float) -> None:
+    """A share of what an effect explains may be left by a form that is not quite ours, whichever effect it is."""
+    little = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.005 * 8.0}, n=n)
+    precise = table({(): 9e4, ("a",): 1.0, ("b",): 1.0 + 0.005 * 9e4}, n=n)
+    much = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.1 * 8.0}, n=n)
+    due = THRESHOLDS.rival_form * 0.005 + COINCIDENCE * np.log(1.0 + 0.04 / THRESHOLDS.excited**2)
+    assert 0.0 < odds(little, ("a",), ("b",)) <= due
+    assert judge(precise, THRESHOLDS, 2).selected == (
+        "a",
+    )  # it would have to meet the other one's form by chance
+    assert judge(little, THRESHOLDS, 2).verdict == "ambiguous"
+    assert judge(much, THRESHOLDS, 2).selected == ("a",)
+
+
+def test_with_few_readings_a_rival_keeps_what_they_tell() -> None:
+    t = table({(): 9.0, ("a",): 1.0, ("b",): 1.8}, n=20.0)
+    assert odds(t, ("a",), ("b",)) < THRESHOLDS.rival_form * 0.1
+
+
+def test_what_differs_in_one_effect_is_a_class_and_says_what_stands_beside_it() -> None:
+    alone = judge(table({(): 9.0, ("a",): 1.0, ("b",): 1.01, ("c",): 5.0}), THRESHOLDS, 3)
+    assert (alone.verdict, alone.selected_class, alone.beside) == ("ambiguous", ("a", "b"), ())
+    assert alone.sentence.startswith("Missing: a or b; these data cannot tell which")
+    singles = {(): 40.0, ("a",): 20.0, ("b",): 25.0, ("c",): 25.0}
+    pairs = judge(table({**singles, ("a", "b"): 1.0, ("a", "c"): 1.02}), THRESHOLDS, 3)
+    assert (set(pairs.selected_class), pairs.beside) == ({"b", "c"}, ("a",))
+    apart = judge(table({(): 9.0, ("a",): 1.3, ("a", "b"): 1.0}, n=60.0), THRESHOLDS, 2)
+    assert apart.verdict != "ambiguous" or apart.selected_class == ()
+
+
+def test_a_form_that_is_not_quite_ours_is_said() -> None:
+    found = judge(table({(): 60.0, ("a",): 1.8}, n=400.0), THRESHOLDS, 1)
+    assert found.selected == ("a",) and "form is not exactly ours" in found.reasons[0]
+    assert judge(table({(): 60.0, ("a",): 1.0}, n=400.0), THRESHOLDS, 1).reasons == ()
+
+
 def test_room_above_the_floor_and_errors_over_it() -> None:
     several = {(): 10.0, **{(kind,): 9.9 for kind in "abc"}}
     for found, room in (
@@ -177,7 +215,7 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
             "Missing: a. The error without it is small: 1.12 ± 0.04 times the noise (at most 11 % of the error to "
             "gain).",
         ),
-        (TWINS, 200.0, "ambiguous", "These data do not decide: a or b."),
+        (TWINS, 200.0, "ambiguous", "Missing: a or b; these data cannot tell which."),
         (CLEAN, 200.0, "nothing_missing", "Nothing is missing that these data could show."),
         # 1.21 times the noise, but of few readings: not told from it
         ({(): 1.45, ("a",): 1.45}, 60.0, "nothing_missing", "Nothing is missing that these data could show."),

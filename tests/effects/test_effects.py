@@ -80,7 +80,7 @@ def test_each_effect_has_a_plain_name_and_a_thing_to_look_at_on_the_bench(compon
         ({"prior": "uniform"}, "is not one of normal, log_normal"),
         ({"prior": "log_normal", "plausible": (0.0, 1.0)}, "has no room for 0"),
         ({"unit": ""}, "has no unit"),
-        ({"simpler": {0.0: "gone"}}, "a strength has no simpler form"),
+        ({"simpler": {0.0: "gone"}}, "only a shape has simpler forms"),
         ({"role": "shape", "simpler": {3.0: "one is enough"}}, "outside the bounds"),
         ({"role": "shape", "simpler": {0.0: ""}}, "has no words"),
     ],

@@ -52,6 +52,24 @@ def test_marker_k_is_joint_k_and_the_last_one_the_tip(run: int) -> None:
         np.testing.assert_allclose(got, markers[:, place], atol=1e-15)
 
 
+def test_a_marker_beside_the_line_turns_with_its_piece() -> None:
+    length, aside = CHAIN.length_m, (0.002, -0.01, 0.02)
+    names = [f"marker_{k}_{axis}_m" for k in (1, 2) for axis in "xyz"]
+    on = read(*names, marker_arms_m=(0.0055, length))
+    off = read(*names, marker_arms_m=(0.0055, length), marker_offsets_m=(aside, aside))
+    paths, _ = ENGINE.follow(CHAIN, RUNS)
+    for run, (line, beside) in enumerate(zip(on, off, strict=True)):
+        turns = base_rotations(CHAIN.base_rotation, RUNS[run].base_angles_rad)
+        for marker, body in ((1, 0), (2, N)):
+            moved = np.stack(
+                [(beside[n] - line[n]) for n in names if n.startswith(f"marker_{marker}")], axis=1
+            )
+            for t in range(len(moved)):
+                bent = CHAIN.with_(base_rotation=turns[t])
+                frame = ChainGeometry.of(bent).forward(paths[run].joint_angles[t]).rotations[body]
+                np.testing.assert_allclose(moved[t], frame @ aside, atol=1e-12)
+
+
 def test_markers_with_arms_lie_on_the_rigid_pieces() -> None:
     length = CHAIN.length_m
     arms = (0.0, 0.0055, 0.011, length - 0.001, length)
@@ -177,3 +195,53 @@ def test_states_without_equilibrium_read_nothing() -> None:
     assert some.n_failed == sum(int((h.actuation["pressure_pa"] > 10e3).sum()) for h in RUNS)
     with pytest.raises(NotReachedError, match="no equilibrium in any"):
         predicted(-1.0).predict()
+
+
+def test_dynamics_faster_than_the_sampling_are_integrated_finely() -> None:
+    """A dashpot of T = 0.2 s on a linear joint, read every 0.4 s, against e^(−t/T): twice the steps change little."""
+    time_s = 0.4 * np.arange(40)
+    push = np.where((time_s >= 2.0) & (time_s < 9.0), 1e-5, 0.0)  # small: a linear joint
+    history = History.of({"pressure_pa": 0.0 * time_s}, time_s, moment_n_m=push)
+    chain = sample_chain(modules=1).with_(gravity_m_s2=np.zeros(3))
+    predictor = predictor_of(chain, blank([history]))
+    static = predictor.predict()[0]["angle_rad"]
+    read = predictor.predict([effect("viscous_damping", time_s=0.2)])[0]["angle_rad"]
+    exact, fine = [0.0], np.interp(0.001 * np.arange(15601), time_s, static)
+    for goal in fine[1:]:
+        exact.append(exact[-1] + (goal - exact[-1]) * (1.0 - np.exp(-0.001 / 0.2)))
+    found = np.array(exact)[::400]
+    coarse = predictor.evaluate([effect("viscous_damping", time_s=0.2)]).runs[0]["angle_rad"]
+    span = np.ptp(found)
+    assert np.abs(read - found).max() < 0.004 * span and np.abs(coarse - found).max() > 0.05 * span
+
+
+def test_models_without_memory_need_one_step_and_runs_without_a_clock_too() -> None:
+    predictor = predictor_of(sample_chain(modules=1), blank([ramp("run", 5e3, 0.5)]))
+    assert predictor.steps_between_samples([effect("stiffness", factor=1.2)]) == 1
+    assert predictor.steps_between_samples([effect("viscous_damping", time_s=0.3)]) > 1
+    still = History.of({"pressure_pa": np.linspace(0.0, P, 9)})
+    assert (
+        predictor_of(sample_chain(modules=1), blank([still])).steps_between_samples(
+            [effect("friction_hysteresis")]
+        )
+        == 1
+    )
+
+
+@pytest.mark.parametrize("parts", [2, 5])
+def test_a_refined_history_goes_through_the_samples_along_straight_lines(parts: int) -> None:
+    rng = np.random.default_rng(parts)
+    time_s = np.cumsum(rng.uniform(0.1, 1.0, 12))
+    valve = (rng.random(12) > 0.4).astype(float)
+    history = History.of(
+        {"pressure_pa": rng.normal(size=12)}, time_s, moment_n_m=rng.normal(size=12), valve_open=valve
+    )
+    fine = history.refined(parts)
+    assert len(fine) == 11 * parts + 1
+    for name, values in history.signals().items():
+        assert np.allclose(fine.signals()[name][::parts], values, rtol=0, atol=1e-12)
+    between = np.interp(fine.time_s, time_s, history.actuation["pressure_pa"])
+    assert np.allclose(fine.actuation["pressure_pa"], between)
+    assert np.array_equal(
+        fine.valve_open[1:], np.repeat(valve[1:], parts)
+    )  # of the step that leads to a sample

@@ -266,3 +266,14 @@ def test_loads_that_stay_are_not_faded_by_a_continuation(spherical_chain: ChainM
     between = before.between(after, 0.25)
     assert [f.body for f in between.forces] == [1, 2]
     np.testing.assert_allclose([f.force_n[0] for f in between.forces], [1.0, 0.25])
+
+
+def test_turned_actuators_derive_from_a_potential(spherical_chain: ChainModel) -> None:
+    pair = (Actuator("pressure_1_pa", 1.0, 0.9), Actuator("pressure_2_pa", -1.0, -2.1))
+    statics, q, loads = state(spherical_chain.with_(actuators=pair))
+    balance = statics.balance(q, loads)
+    np.testing.assert_allclose(
+        balance.residual.ravel(), -slope(lambda q: statics.potential(q, loads), q)[0], rtol=1e-6, atol=1e-10
+    )
+    own = slope(lambda q: statics.residual(q, loads), q)
+    np.testing.assert_allclose(balance.stiffness, -own, rtol=1e-5, atol=1e-8)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.evidence import mujoco_truth
-from benchmarks.evidence.forms import Forms, arriving
+from benchmarks.evidence.forms import DEAD_TIME, SECOND_ORDER, Forms, arriving, stretched
 from benchmarks.evidence.protocols import LOAD_N_M, NAMES, Run, protocol, steps, triangles
 from benchmarks.evidence.robots import (
     B_E,
@@ -113,7 +113,7 @@ def made(kind: str, robot: str = "", **more: Any) -> MeasuredSet:
 
 
 # The poor protocol shows all but these.
-RICH = ("thermal_softening", "leak", "inertia", "warm_stick", "session_drift")
+RICH = ("thermal_softening", "leak", "inertia", "warm_stick", "session_drift", "load_coupling", "warm_sensor")
 CASES = [
     (kind, "functional", 0.8 if kind == "inertia" else 2.0, "rich" if kind in RICH else "poor")
     for kind in (*KINDS, *UNKNOWN)
@@ -179,12 +179,12 @@ def expected_viscous_area(damping: float, power: float, period_s: float) -> floa
     return float(2 * np.trapezoid(behind, p))
 
 
-@pytest.mark.parametrize(("engine", "power"), [("mujoco", 1.0), ("functional", 0.8)])
+@pytest.mark.parametrize(
+    ("engine", "power"), [("mujoco", 1.0), ("mujoco", 0.7), ("explicit", 0.7), ("functional", 0.8)]
+)
 def test_viscous_loops_grow_as_the_rate_to_its_power(engine: str, power: float) -> None:
-    forms, damping = Forms(viscous=1e-3, viscous_power=power), 1e-3
-    truth = Truth(forms)
-    if engine == "mujoco":
-        truth, damping = Truth(body=Body(joint_damping=1e-3)), 1e-3 + mujoco_truth.AIR_DAMPING
+    damping = 1e-3 if power < 1.0 else 1e-3 + mujoco_truth.AIR_DAMPING
+    truth = Truth(Forms(viscous=1e-3, viscous_power=power))
     areas = []
     for period in (20, 80):
         pressure = triangles(period, [1.0, 1.0])
@@ -220,7 +220,7 @@ def test_a_supply_lag_is_gone_in_holds_and_vents_slower(engine: str) -> None:
 
 def chamber_after_steps(levels: Array, dt: float, f: Forms) -> Array:
     """(t,) the pressure in the chamber, Pa, from none, with the levels commanded at steps of dt."""
-    supply = np.zeros(2)
+    supply = np.zeros(3)
     return np.array([arriving(supply, level, level, 1.0, dt, f) for level in levels])
 
 
@@ -250,6 +250,39 @@ def test_a_hose_behind_the_orifice_is_late_by_its_time_and_parts_of_a_step_chang
     assert fine[0] < 0.01 * (fine[-1]) and np.all(np.diff(fine) >= 0)
 
 
+def test_a_supply_of_second_order_overshoots_by_its_damping() -> None:
+    zeta = 0.7
+    f = Forms(lag_s=0.5, lag_vent=1.0, lag_second=zeta, lag_shape=SECOND_ORDER)
+    p = chamber_after_steps(np.full(2000, PRESSURE_MAX_PA), 0.005, f)
+    over = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
+    assert p.max() / PRESSURE_MAX_PA - 1 == pytest.approx(over, rel=1e-3)
+    assert np.sum(PRESSURE_MAX_PA - p) * 0.005 == pytest.approx(
+        0.5 * PRESSURE_MAX_PA, rel=0.01
+    )  # as late as stated
+    coarse = chamber_after_steps(np.full(200, PRESSURE_MAX_PA), 0.05, f)
+    assert coarse == pytest.approx(p[9::10], abs=1e-6)
+
+
+@pytest.mark.parametrize("engine", ALL)
+def test_a_dead_time_is_added_to_the_lag_on_a_ramp(engine: str) -> None:
+    ramp = run_of(PRESSURE_MAX_PA * np.linspace(0.0, 1.0, 101))
+    late = Truth(Forms(lag_s=0.5, lag_vent=1.0, lag_second=1.0, lag_shape=DEAD_TIME))
+    (found,), (plain,) = angles(engine, late, ramp), angles(engine, Truth(), ramp)
+    assert found[60] == pytest.approx(np.interp(60 * 0.4 - 1.0, ramp.time_s, plain), abs=2e-4)
+    assert abs(found[60] - plain[60]) > 6e-3
+
+
+def test_a_set_that_is_late_comes_to_what_it_is_at_once_and_a_saturating_one_stops() -> None:
+    held = run_of(PRESSURE_MAX_PA * steps((1.0, 0.0), 40.0))
+    shares = (Forms(set_share=0.05, set_power=1.0), Forms(set_share=0.05, set_power=1.0, set_delay_s=4.0))
+    at_once, late = (change("functional", Truth(f), held)[0] for f in shares)
+    assert late[-1] == pytest.approx(at_once[-1], abs=0.1 * SIGMA_RAD) and abs(late[5]) < 0.8 * abs(
+        at_once[5]
+    )
+    f = Forms(set_limit=1.0)
+    assert stretched(0.036, f) == pytest.approx(0.01, rel=0.01) and stretched(3.6, f) == pytest.approx(1.0)
+
+
 def test_a_viscoelastic_joint_drifts_in_holds_and_comes_back() -> None:
     forms = Forms(branch_1=0.01, branch_2=0.01, branch_3=0.01, time_1_s=1.5, time_2_s=5.0, time_3_s=15.0)
     (late,) = change("functional", Truth(forms), run_of(PRESSURE_MAX_PA * steps((1.0,), 200.0)))
@@ -270,7 +303,7 @@ def test_a_set_grows_as_the_square_of_the_largest_angle_and_stays() -> None:
 @pytest.mark.parametrize("engine", BOTH)
 def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
     loads = run_of(np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0))
-    contact = Forms(contact=0.5, contact_at=0.3, contact_quadratic=1.0)
+    contact = Forms(contact=0.5, contact_at=0.3, contact_power=2.0)
     for forms in (Forms(gain=0.2), Forms(dead_pa=1e3), contact):
         assert np.abs(change(engine, Truth(forms), loads)[0]).max() < 1e-6
     for forms in (Forms(stiffness=0.2), Forms(offset_pa=500.0)):

@@ -23,6 +23,11 @@ NewStudy = Annotated[
     ),
 ]
 
+NamedOnly = Annotated[
+    bool,
+    typer.Option("--named-only", help="Add nothing whose cause no verdict names, however well it predicts."),
+]
+
 
 @verb()
 def improve(
@@ -36,6 +41,7 @@ def improve(
     force: Force = False,
     full: Full = False,
     workers: Workers = 1,
+    named_only: NamedOnly = False,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
     loaded = here.study(study, overrides)
@@ -48,7 +54,15 @@ def improve(
     measurement = measurement_of(here, bench, loaded, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
-        found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick, workers=workers)
+        found = improve_with(
+            bench,
+            loaded,
+            measurement,
+            kinds=effect,
+            named_only=named_only,
+            tick=bar.tick,
+            workers=workers,
+        )
     here.measured(loaded, measurement)
     here.result["final_study"] = str(study)
     if found.final is not None:

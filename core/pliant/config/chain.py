@@ -122,10 +122,13 @@ class BaseConfig(FrozenModel):
 
 
 class ActuatorConfig(FrozenModel):
-    """A chamber or tendon: `input` names its signal, `sign` the side on which it acts."""
+    """A chamber or tendon: `input` names its signal, `sign` and `rotation` the side on which it acts."""
 
     input: str = Field(pattern=INPUT_PATTERN, description="name of the signal")
     sign: float = Field(1.0, description="1 or -1: the side on which it acts")
+    rotation_rad: Angle = Field(
+        0.0, description="where it sits about the chain axis, e.g. 120 deg; joints with three axes only"
+    )
 
     @model_validator(mode="after")
     def _unit_sign(self) -> ActuatorConfig:

@@ -128,6 +128,10 @@ class MeasurementNotes(ColumnNotes):
     markers_m: tuple[Length, ...] = Field(
         (), description="positions of marker 1, 2, … along the chain at rest, from the base"
     )
+    marker_offsets_m: tuple[tuple[Length, Length, Length], ...] = Field(
+        (),
+        description="of each of `markers`, beside the centre line: [x along the chain, y, z] of the piece that has it",
+    )
     exclude: tuple[ExcludedSpan, ...] = Field((), description="spans or runs that are not used")
     conditions: dict[Name, Condition] = Field(
         default_factory=dict,

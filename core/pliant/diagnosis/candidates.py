@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -18,6 +18,8 @@ from pliant.registry.discovery import Registry
 
 # Half-width of a central 90 % interval in standard deviations.
 NINETY = 1.6449
+# A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
+PRIOR_WEIGHT = 0.1
 # Where fits of a strength start, as a share of the way from neutral to the far end of the plausible range.
 START_SHARE = 0.3
 MOST_STARTS = 3
@@ -68,13 +70,29 @@ class FitParameter:
         return self.declared.role == "strength"
 
     @property
+    def is_form(self) -> bool:
+        return self.declared.role == "form"
+
+    @property
+    def pull(self) -> float:
+        """Weight of the prior in x², in units of squared residuals: weak where it only keeps the idle in place.
+
+        Forms are nuisances with a real prior: 90 % of it lie in the plausible range.
+        """
+        if not self.is_form:
+            return PRIOR_WEIGHT
+        return NINETY**2 if self.declared.prior == "normal" else 1.0
+
+    @property
     def plausible(self) -> tuple[float, float]:
         """The plausible range in x."""
         low, high = self.declared.plausible
         return self.x(low), self.x(high)
 
     def starts(self) -> tuple[float, ...]:
-        """Where fits begin: one strength, two shapes."""
+        """Where fits begin: one strength, two shapes, the plain form."""
+        if self.is_form:
+            return (self.x(self.declared.neutral),)
         low, high = self.plausible
         if self.is_strength:
             return (START_SHARE * (high if abs(high) >= abs(low) else low),)
@@ -96,21 +114,27 @@ class FitParameter:
 
 @dataclass(frozen=True)
 class EffectSet:
-    """A set of effects, in the order in which they are applied; the empty set is the model as it is."""
+    """A set of effects, in the order in which they are applied; the empty set is the model as it is.
+
+    Parameters of the role `form` are among `parameters` where they may vary; elsewhere they keep their neutral value.
+    """
 
     kinds: tuple[str, ...]
     parameters: tuple[FitParameter, ...]
     models: tuple[type[EffectConfig], ...]
 
     @staticmethod
-    def of(registry: Registry, kinds: Sequence[str]) -> EffectSet:
-        """Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds."""
+    def of(registry: Registry, kinds: Sequence[str], forms: Collection[str] = ()) -> EffectSet:
+        """Those of these kinds, with free forms for those that are among `forms`, too.
+
+        Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds.
+        """
         components = [registry.get("effect", kind) for kind in kinds]
         models = tuple(cast(type[EffectConfig], component.config_model()) for component in components)
         parameters = tuple(
             FitParameter(index, kind, parameter)
             for index, (kind, model) in enumerate(zip(kinds, models, strict=True))
-            for parameter in model.fit_parameters()
+            for parameter in (*model.fit_parameters(), *(model.form_parameters() if kind in forms else ()))
         )
         found = EffectSet(tuple(kinds), parameters, models)
         for end in found.limits():
@@ -135,6 +159,11 @@ class EffectSet:
         return {
             parameter.name: parameter.value(float(n)) for parameter, n in zip(self.parameters, x, strict=True)
         }
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Kinds with forms that may vary."""
+        return tuple(dict.fromkeys(parameter.kind for parameter in self.parameters if parameter.is_form))
 
     def limits(self) -> tuple[Array, Array]:
         """(k,) lowest and highest x."""
@@ -179,8 +208,13 @@ class StudyCandidate(EffectSet):
     slots: tuple[int, ...] = ()
 
     @staticmethod
-    def among(registry: Registry, effects: Sequence[EffectConfig], kinds: Sequence[str]) -> StudyCandidate:
-        """Fit these kinds: in place those that the effects have, behind them the others.
+    def among(
+        registry: Registry,
+        effects: Sequence[EffectConfig],
+        kinds: Sequence[str],
+        forms: Collection[str] = (),
+    ) -> StudyCandidate:
+        """Fit these kinds: in place those that the effects have, behind them the others; `forms` as for `of`.
 
         Raises:
             UserError: an unknown kind, or one that the effects have twice.
@@ -192,7 +226,7 @@ class StudyCandidate(EffectSet):
                     f"The study has the effect '{kind}' {all_kinds.count(kind)} times, so it is not clear which one "
                     "to fit; keep one of them."
                 )
-        plain = EffectSet.of(registry, kinds)
+        plain = EffectSet.of(registry, kinds, forms)
         begun = plain.configs(plain.starts()[0])
         fixed = (*effects, *(config for config in begun if config.kind not in all_kinds))
         places = [effect.kind for effect in fixed]

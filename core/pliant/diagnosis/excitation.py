@@ -88,7 +88,7 @@ def excitations(
         candidate = EffectSet.of(registry, (kind,))
         options = []
         for end in _ends(candidate):
-            fit = fitter.look(candidate, end)
+            fit = fitter.look(candidate, end, nothing.parts)
             change, slopes, snr = _seen(nothing.residual - fit.residual, fit.slopes)
             place = _strength(candidate)
             options.append(Excitation(kind, candidate.parameters[place], place, end, snr, change, slopes))

@@ -5,7 +5,7 @@ A study with the effects of an extension, as a file: values with their units, un
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from pliant.diagnosis.fitting import (
     Fitter,
     ReadingVector,
     Score,
+    blocks_of,
     condition_of_runs,
     heldout_residual,
     readings_over_floor,
@@ -41,8 +42,6 @@ from pliant.registry.discovery import Registry
 # Rounding may change the mean squared error by this share.
 ROUNDING = 5e-4
 DIGITS, MOST_DIGITS = 2, 8
-# A single run is left out in blocks: so many, dealt out to so many folds.
-BLOCKS, FOLDS = 24, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,12 @@ class Ground:
 
 
 def extend(
-    ground: Ground, effects: Sequence[EffectConfig], kinds: Sequence[str], *, profiles: bool = True
+    ground: Ground,
+    effects: Sequence[EffectConfig],
+    kinds: Sequence[str],
+    *,
+    forms: Collection[str] = (),
+    profiles: bool = True,
 ) -> Extension:
     """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
 
@@ -128,19 +132,21 @@ def extend(
         ground: the bare model and the measurement.
         effects: what the model has already; those that are not fitted keep their values.
         kinds: what to fit, jointly.
+        forms: those of them whose forms vary too.
         profiles: profile intervals; without them ± 1.645 standard deviations.
 
     Raises:
         UserError: an unknown kind, or one that makes no sense for this chain.
     """
     registry = ground.predictor.bench.registry
-    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)))
+    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)), forms)
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
-    plain = fitter.look(present, np.zeros(0)).residual
+    parts = ground.predictor.steps_between_samples(effects)
+    plain = fitter.look(present, np.zeros(0), parts).residual
     before = readings.unpack(plain)
-    fit = fitter.fit(candidate, _starts(candidate, effects))
+    fit = fitter.fit(candidate, _starts(candidate, effects), parts)
     after = readings.unpack(fit.residual)
     noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
@@ -184,16 +190,6 @@ def _left_out(
     return readings.unpack(heldout_residual(fit, groups, plain))
 
 
-def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
-    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
-    block = np.empty(len(readings), np.intp)
-    for run in range(readings.n_runs):
-        for output in range(len(readings.outputs)):
-            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
-            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
-    return block
-
-
 def _rounded(
     fitter: Fitter, fit: EffectFit, candidate: StudyCandidate, found: Uncertainty
 ) -> dict[str, float]:
@@ -206,7 +202,9 @@ def _rounded(
             for one in found.estimates
         }
         effects = candidate.with_values(values)
-        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
+        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts).mean_square(
+            fitter.weights
+        )
         if abs(there - wanted) <= ROUNDING * wanted:
             break
     return values

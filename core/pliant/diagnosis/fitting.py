@@ -9,8 +9,8 @@ The fit is not repeated: without the readings G the parameters x move by
     dx = (A + λ)⁻¹ (b − λ x),      A = Σ_{i ∉ G} J_iᵀ J_i,      b = Σ_{i ∉ G} J_iᵀ r_i
 
 within their bounds, and leave r_G − J_G dx, exact for a linear model (Cook & Weisberg 1982, section 2.2.2). The weak
-prior λ = `PRIOR_WEIGHT` decides only where the other readings say nothing about a parameter: it then returns to x = 0,
-the neutral strength or the typical shape, as a fit without G would have left it.
+prior λ (`FitParameter.pull`) decides only where the other readings say nothing about a parameter: it then returns to
+x = 0, the neutral strength or the typical shape, as a fit without G would have left it.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ STEPS = Steps(
 )
 # Numbers that points which have been looked at may hold together.
 MOST_KEPT = 8_000_000
-# A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
-PRIOR_WEIGHT = 0.1
+# A fit is refined so often at most.
+MOST_REFINED = 2
 # Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
 NEAR_NOTHING = 0.05
 # Share of the readings at which a trial may lose its equilibrium and still be compared.
@@ -141,6 +141,7 @@ class EffectFit:
         slopes: (N, k) d prediction / dx over the noise floor.
         converged: the last step gained next to nothing.
         at_limit: (k,) the parameter ended on a bound.
+        parts: steps of the integration from each sample to the next.
     """
 
     candidate: EffectSet
@@ -149,6 +150,7 @@ class EffectFit:
     slopes: Array
     converged: bool
     at_limit: tuple[bool, ...]
+    parts: int = 1
 
     @property
     def values(self) -> dict[str, float]:
@@ -177,53 +179,73 @@ class Fitter:
         files = files_of(self.predictor.bench.registry)
         return _arrived, (files, pickle.dumps((self.predictor, self.readings, self.weights)))
 
-    def fit_from(self, asked: tuple[EffectSet, Sequence[Array]]) -> EffectFit:
-        """`fit` of a candidate and its starts as one item of a `JobQueue`."""
+    def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int]) -> EffectFit:
+        """`fit` of a candidate, its starts and steps between samples as one item of a `JobQueue`."""
         return self.fit(*asked)
 
-    def fit(self, candidate: EffectSet, starts: Sequence[Array] | None = None) -> EffectFit:
+    def fit(
+        self,
+        candidate: EffectSet,
+        starts: Sequence[Array] | None = None,
+        parts: int = 1,
+        refine: bool = True,
+    ) -> EffectFit:
         """The best of fits from several starts; short trials decide which one is finished.
 
         Where the model finds no equilibrium at any start the fit holds NaN, and its mean square is infinite.
+
+        Args:
+            candidate: what is fitted.
+            starts: points (k,); the candidate's own by default.
+            parts: steps of the integration from sample to sample.
+            refine: go on in finer steps from there, where they change what is predicted.
         """
+        found = self._fit(candidate, starts or candidate.starts(), parts)
+        for _ in range(MOST_REFINED if refine and np.isfinite(found.mean_square()) else 0):
+            effects = candidate.configs(found.x)
+            finer = self.predictor.steps_between_samples(effects, found.parts)
+            if finer == found.parts:
+                break
+            found = self._fit(candidate, [found.x], finer)
+        return found
+
+    def _fit(self, candidate: EffectSet, tried: Sequence[Array], parts: int) -> EffectFit:
         if not len(candidate):
-            point = self._start(candidate, np.zeros(0))
-            return EffectFit(candidate, point.x, point.residual, point.slopes, True, ())
-        tried = starts or candidate.starts()
-        points = [self._start(candidate, x) for x in tried]
+            return self.look(candidate, np.zeros(0), parts)
+        points = [self._start(candidate, x, parts) for x in tried]
         if not any(np.isfinite(point.cost) for point in points):  # so far out none: begin near nothing
-            points = [self._start(candidate, NEAR_NOTHING * x) for x in tried]
+            points = [self._start(candidate, NEAR_NOTHING * x, parts) for x in tried]
         if len(points) > 1:
-            points = [self._descend(candidate, point, TRIAL_ITERATIONS)[0] for point in points]
+            points = [self._descend(candidate, point, TRIAL_ITERATIONS, parts)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
-        point, converged = self._descend(candidate, best, MOST_ITERATIONS)
+        point, converged = self._descend(candidate, best, MOST_ITERATIONS, parts)
         low, high = candidate.limits()
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
-        return EffectFit(candidate, point.x, point.residual, point.slopes, converged, at_limit)
+        return EffectFit(candidate, point.x, point.residual, point.slopes, converged, at_limit, parts)
 
-    def look(self, candidate: EffectSet, x: Array) -> EffectFit:
+    def look(self, candidate: EffectSet, x: Array, parts: int = 1) -> EffectFit:
         """The candidate at x, not fitted."""
-        point = self._start(candidate, x)
-        return EffectFit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
+        point = self._start(candidate, x, parts)
+        return EffectFit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x), parts)
 
-    def _start(self, candidate: EffectSet, x: Array) -> _LinearPoint:
+    def _start(self, candidate: EffectSet, x: Array, parts: int) -> _LinearPoint:
         """The point, remembered: what is looked at is often where a fit begins."""
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
-        key = (candidate.kinds, repr(candidate.configs(x)), x.tobytes(), held)
-        point = self._seen.pop(key, None) or _ReadingMisfit(self, candidate).point(x)
+        key = (candidate.kinds, candidate.forms, repr(candidate.configs(x)), x.tobytes(), held, parts)
+        point = self._seen.pop(key, None) or _ReadingMisfit(self, candidate, parts).point(x)
         self._seen[key] = point
         while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
             self._seen.pop(next(iter(self._seen)))
         return point
 
     def _descend(
-        self, candidate: EffectSet, point: _LinearPoint, iterations: int
+        self, candidate: EffectSet, point: _LinearPoint, iterations: int, parts: int
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        misfit, steps = _ReadingMisfit(self, candidate), replace(STEPS, most=iterations)
+        misfit, steps = _ReadingMisfit(self, candidate, parts), replace(STEPS, most=iterations)
         found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
         return cast(_LinearPoint, found), converged
 
@@ -245,11 +267,12 @@ class _ReadingMisfit:
 
     fitter: Fitter
     candidate: EffectSet
+    parts: int
 
     @property
     def pulls(self) -> Array:
         """(k,) weights of the prior: none on strengths."""
-        return np.array([0.0 if p.is_strength else PRIOR_WEIGHT for p in self.candidate.parameters])
+        return np.array([0.0 if p.is_strength else p.pull for p in self.candidate.parameters])
 
     def point(self, x: Array) -> _LinearPoint:
         """Residuals and slopes at x; an infinite cost where the model has no equilibrium."""
@@ -257,7 +280,8 @@ class _ReadingMisfit:
         low, high = self.candidate.limits()
         steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in np.flatnonzero(low < high)}
         towards = [self.candidate.configs(x + step * np.eye(len(x))[k]) for k, step in steps.items()]
-        prediction, changes = self.fitter.predictor.vary(self.candidate.configs(x), towards)
+        predictor = self.fitter.predictor.refined(self.parts)
+        prediction, changes = predictor.vary(self.candidate.configs(x), towards)
         residual = readings.values - readings.pack(prediction.runs)
         slopes = np.zeros((len(residual), len(x)))
         for (k, step), change in zip(steps.items(), changes, strict=True):
@@ -295,22 +319,37 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
         return np.full_like(fit.residual, np.nan)
     low, high = fit.candidate.limits()
-    prior = PRIOR_WEIGHT * np.eye(len(fit.x))
+    pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
+    prior = np.diag(pull)
+    # a form that the other readings do not know is the plain one, which is known
+    forms = np.diag([parameter.pull * parameter.is_form for parameter in fit.candidate.parameters])
     whole = fit.slopes.T @ fit.slopes
     left = fit.residual.copy()
     for group in np.unique(groups):
         mine = groups == group
         slopes, residual = fit.slopes[~mine], fit.residual[~mine]
         normal = slopes.T @ slopes
-        if (
-            plain is not None
-            and np.linalg.eigvals(np.linalg.solve(whole + prior, normal)).real.min() < LEAST_LEFT
-        ):
+        known = np.linalg.solve(whole + prior, normal + forms)
+        if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
-        move = np.linalg.solve(normal + prior, slopes.T @ residual - PRIOR_WEIGHT * fit.x)
+        move = np.linalg.solve(normal + prior, slopes.T @ residual - pull * fit.x)
         left[mine] -= fit.slopes[mine] @ (np.clip(fit.x + move, low, high) - fit.x)
     return left
+
+
+# A run by itself is left out in blocks: so many, dealt out to so many folds.
+BLOCKS, FOLDS = 24, 6
+
+
+def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
+    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
+    block = np.empty(len(readings), np.intp)
+    for run in range(readings.n_runs):
+        for output in range(len(readings.outputs)):
+            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
+            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
+    return block
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:

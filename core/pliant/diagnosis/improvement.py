@@ -1,5 +1,10 @@
 """Compare → diagnose → extend, until the noise floor or an honest stop.
 
+Two questions are answered apart. Whether the model predicts better decides about a step: it is taken as long as runs,
+conditions or blocks that are left out of the fit are predicted better by more than the uncertainty of that, with one
+run and few readings too. Which cause it is, the verdict says: where it leaves that open the step says what it is for.
+`named_only` takes steps only where a verdict names an effect or a group of look-alikes.
+
 Runs that are put aside at the start are never looked at by a choice: they are only reported. All decisions (verdicts,
 the order of effects, whether a step is kept, when to stop) rest on the training runs. The floor that errors are
 divided by at the end is that of all runs, as the final model's residuals show it: repeats that were put aside say how
@@ -10,7 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
+from typing import Literal
 
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
@@ -20,6 +26,7 @@ from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.unseen import best_prediction, block_squares, prediction_gain
 from pliant.diagnosis.verdict import (
     THRESHOLDS,
     Kinds,
@@ -44,6 +51,8 @@ from pliant.records.remark import Rank, Remark
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
 LEAST_GAIN = 0.01
+# Effects that would predict as well are named up to so many.
+MOST_ALIKE = 4
 # What is said at the end: where the error that is left is small, and where it is clearly above the noise.
 RIGHT = "The model is right to {left} times the noise"
 CLOSINGS = {
@@ -64,6 +73,10 @@ CLOSINGS = {
 }
 
 
+# How a step came about: see `Step`.
+Cause = Literal["", "named", "class", "open"]
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """One model on the way.
@@ -78,6 +91,8 @@ class Step:
         training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
         stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
             which; empty where the verdict was the effect itself.
+        cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is; empty
+            for the model as it was.
     """
 
     added: tuple[str, ...]
@@ -88,6 +103,7 @@ class Step:
     unseen: Score | None
     training: Score
     stands_for: Kinds = ()
+    cause: Cause = ""
 
     @property
     def named(self) -> str:
@@ -139,6 +155,18 @@ class _Draft:
     residuals: Residuals
     left_out: Residuals
     stands_for: Kinds = ()
+    cause: Cause = ""
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """What to add next: kinds in order, those that each stands for, forms that vary, why it is proposed."""
+
+    order: tuple[str, ...]
+    stands_for: Kinds
+    forms: Kinds
+    cause: Cause
+    core: SharedEffect | None = None
 
 
 def improve(
@@ -148,6 +176,7 @@ def improve(
     *,
     kinds: Sequence[str] | None = None,
     most_steps: int = MOST_STEPS,
+    named_only: bool = False,
     tick: Tick | None = None,
     workers: Workers = 1,
 ) -> Improvement:
@@ -157,6 +186,7 @@ def improve(
         bench, study, measurement: the model and what the bench recorded.
         kinds: candidates; all effects by default.
         most_steps: effects at most.
+        named_only: add nothing whose cause no verdict names.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: who fits hypotheses, as for `diagnose`.
 
@@ -164,7 +194,7 @@ def improve(
         UserError: no reading can be used, or an engine that cannot follow histories.
     """
     walk = _Walk(bench, study, measurement, kinds, tick, workers)
-    stop, reason = walk.go(most_steps)
+    stop, reason = walk.go(most_steps, named_only)
     return walk.scored(stop, reason, walk.final())
 
 
@@ -185,42 +215,72 @@ class _Walk:
         self.ground = Ground.of(bench, study, self.locked.training)
         self.effects = study.effects
         self.added: list[str] = []
+        self.forms: set[str] = set()
         self.last: Diagnosis | None = None
         plain = self.ground.residuals(self.effects)
         whole = self.ground.residuals(self.effects, measurement)
         self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
 
-    def go(self, most_steps: int) -> tuple[str, str]:
+    def go(self, most_steps: int, named_only: bool) -> tuple[str, str]:
         """Take steps; returns what stopped it, and the reason where it is not a verdict."""
         while True:
             found = self._diagnose()
-            core = _core(found)
-            if found.verdict != "missing_effect" and core is None:
-                return found.verdict, ""
-            order = _by_gain(found) if core is None else [core.chosen]
-            alike = order if core is None else core.stands_for
-            again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
-            if again:
-                return "same_effect", (
-                    f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
-                    "idealisation that these readings see through. A form of your own may fit better."
-                )
-            if len(self.added) + len(order) > most_steps:
-                return "most_steps", f"{most_steps} effects are the most that are added in one go."
-            whole = extend(self.ground, self.effects, [*self.added, *order], profiles=False)
-            if not self._gains(whole):
-                return "no_gain", (
-                    f"Adding {' and '.join(order)} lowers the error of the runs that it is fitted to, but not that of "
-                    "runs and conditions left out of the fit: it was not added."
-                )
-            for kind in order:
-                self._take(kind, found, core)
+            proposals = [self._named(found), None if named_only else self._predicting(found)]
+            refused: tuple[str, str] = (found.verdict, "")
+            for proposal in filter(None, proposals):
+                refused = self._refused(proposal, most_steps)
+                if not refused[0]:
+                    break
+            else:
+                return refused
+
+    def _named(self, found: Diagnosis) -> _Proposal | None:
+        """What the verdict names, or a group of look-alikes one of which is missing."""
+        core = _core(found)
+        if found.verdict != "missing_effect" and core is None:
+            return None
+        order = tuple(_by_gain(found)) if core is None else (core.chosen,)
+        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
+        return _Proposal(order, group, _forms(found, order), "class" if group else "named", core)
+
+    def _predicting(self, found: Diagnosis) -> _Proposal | None:
+        """What predicts readings better that no fit has seen, whatever its name; never more of what is there."""
+        if found.verdict == "nothing_missing":
+            return None
+        best = best_prediction(found, self.added)
+        if best is None:
+            return None
+        order = tuple(_by_gain(found, best.kinds))
+        return _Proposal(order, best.alike if len(best.alike) > 1 else (), _forms(found, order), "open")
+
+    def _refused(self, proposal: _Proposal, most_steps: int) -> tuple[str, str]:
+        """Take the steps of a proposal; what speaks against it and why, both empty where they were taken."""
+        order, alike = proposal.order, {*proposal.order, *proposal.stands_for}
+        again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
+        if proposal.cause != "open" and again:
+            return "same_effect", (
+                f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
+                "idealisation that these readings see through. A form of your own may fit better."
+            )
+        if len(self.added) + len(order) > most_steps:
+            return "most_steps", f"{most_steps} effects are the most that are added in one go."
+        forms = self.forms | set(proposal.forms)
+        whole = extend(self.ground, self.effects, [*self.added, *order], forms=forms, profiles=False)
+        if not self._gains(whole):
+            return "no_gain", (
+                f"Adding {' and '.join(order)} lowers the error of the runs that it is fitted to, but not that of "
+                "runs and conditions left out of the fit: it was not added."
+            )
+        self.forms = forms
+        for kind in order:
+            self._take(kind, proposal)
+        return "", ""
 
     def final(self) -> Extension | None:
         """The last fit once more, with profile intervals; the last step has its values."""
         if not self.added:
             return None
-        found = extend(self.ground, self.effects, self.added)
+        found = extend(self.ground, self.effects, self.added, forms=self.forms)
         last = self.drafts.pop()
         residuals = self.ground.residuals(found.effects, self.measurement)
         left = found.left_out_runs
@@ -236,36 +296,57 @@ class _Walk:
         return self.last
 
     def _gains(self, whole: Extension) -> bool:
-        """Better on runs left out, and no worse on conditions left out: where one alone shows an effect, they stay."""
-        floors = whole.noise.floors
-        now = score(whole.left_out_runs, floors).over_floor
-        before = score(self.drafts[-1].left_out, floors).over_floor
-        conditions = score(whole.left_out or whole.residuals, floors).over_floor
-        return now < (1.0 - LEAST_GAIN) * before and conditions < (1.0 + LEAST_GAIN) * before
+        """Better on runs left out beyond the uncertainty of that, and no worse on conditions left out.
 
-    def _take(self, kind: str, named: Diagnosis, core: SharedEffect | None) -> None:
-        found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
+        Where one condition alone shows an effect it stays in their fit.
+        """
+        floors, before = whole.noise.floors, self.drafts[-1].left_out
+        known = {name: floor.value for name, floor in floors.items() if floor.value > 0.0}
+        gain = prediction_gain(block_squares(before, known), block_squares(whole.left_out_runs, known))
+        conditions = score(whole.left_out or whole.residuals, floors).over_floor
+        no_worse = conditions < (1.0 + LEAST_GAIN) * score(before, floors).over_floor
+        return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
+
+    def _take(self, kind: str, proposal: _Proposal) -> None:
+        found = extend(
+            self.ground,
+            self.effects,
+            [*self.added, kind],
+            forms=self.forms & {*self.added, kind},
+            profiles=False,
+        )
         self.effects = found.effects
         self.added.append(kind)
         before, after = (
             score(left, found.noise.floors).over_floor
             for left in (self.drafts[-1].left_out, found.left_out_runs)
         )
-        if core is not None:
-            known = _standing_in(core, named)
-        else:
-            component = self.bench.registry.get("effect", kind)
-            notes = component.implementation_class().notes
-            known = f"The training runs speak for {kind}: {component.summary}."
-            known += f" It is known by this: {notes.signature}" if notes.signature else ""
-            known += f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else ""
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
         fall = f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
-        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
         residuals = self.ground.residuals(self.effects, self.measurement)
-        why = f"{known} {fall} {self._seen()}"
-        self.drafts.append(_Draft((kind,), self.effects, why, residuals, found.left_out_runs, group))
+        why = f"{self._known(kind, proposal)} {fall} {self._seen()}"
+        group = proposal.stands_for
+        self.drafts.append(
+            _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause)
+        )
+
+    def _known(self, kind: str, proposal: _Proposal) -> str:
+        """Why this effect, in sentences."""
+        if proposal.core is not None and self.last is not None:
+            return _standing_in(proposal.core, self.last)
+        component = self.bench.registry.get("effect", kind)
+        notes = component.implementation_class().notes
+        if proposal.cause == "open":
+            others = [other for other in proposal.stands_for if other != kind][:MOST_ALIKE]
+            same = f"; {' or '.join(others)} would predict as well here" if others else ""
+            return (
+                f"Taken because it predicts better ({component.summary}), not because these data name it as the cause"
+                f"{same}."
+            )
+        known = f"The training runs speak for {kind}: {component.summary}."
+        known += f" It is known by this: {notes.signature}" if notes.signature else ""
+        return known + (f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else "")
 
     def _seen(self) -> str:
         """Where the model fails on the training runs now."""
@@ -285,7 +366,17 @@ class _Walk:
             se = Excess.of(aside.over_floor, read, noise.n_effective * share).se
             unseen = score(draft.residuals, noise.floors, locked.unseen) if locked.unseen else None
             steps.append(
-                Step(draft.added, draft.effects, draft.why, aside, se, unseen, training, draft.stands_for)
+                Step(
+                    draft.added,
+                    draft.effects,
+                    draft.why,
+                    aside,
+                    se,
+                    unseen,
+                    training,
+                    draft.stands_for,
+                    draft.cause,
+                )
             )
         reason = self._closing(stop, reason, steps[-1], noise)
         not_tried = self.last.not_tried if self.last is not None else ()
@@ -334,7 +425,8 @@ def _core(found: Diagnosis) -> SharedEffect | None:
     """What the credible explanations agree on, where none of them is believed by itself."""
     if found.verdict != "ambiguous":
         return None
-    alike = frozenset(frozenset((pair.a, pair.b)) for pair in found.indistinguishable)
+    alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
+    alike |= {frozenset(pair) for pair in combinations(found.judgement.selected_class, 2)}
     return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
 
 
@@ -356,11 +448,12 @@ def _standing_in(core: SharedEffect, found: Diagnosis) -> str:
     return f"{told}."
 
 
-def _by_gain(found: Diagnosis) -> list[str]:
-    """The selected effects, the one first that explains most when it is added next."""
+def _by_gain(found: Diagnosis, kinds: Kinds | None = None) -> list[str]:
+    """These effects, the selected ones by default, the one first that explains most when it is added next."""
+    asked = found.selected if kinds is None else kinds
     chosen: list[str] = []
-    while len(chosen) < len(found.selected):
-        left = [kind for kind in found.selected if kind not in chosen]
+    while len(chosen) < len(asked):
+        left = [kind for kind in asked if kind not in chosen]
 
         def square(kind: str) -> float:
             row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]
@@ -368,6 +461,13 @@ def _by_gain(found: Diagnosis) -> list[str]:
 
         chosen.append(min(left, key=square))
     return chosen
+
+
+def _forms(found: Diagnosis, kinds: Sequence[str]) -> Kinds:
+    """Those of these kinds whose forms vary in the diagnosis."""
+    whole = found.fits.get(sorted_kinds(kinds))
+    fits = [whole] if whole is not None else [found.fits[(kind,)] for kind in kinds if (kind,) in found.fits]
+    return tuple(kind for kind in kinds if any(kind in fit.candidate.forms for fit in fits))
 
 
 def _still_wrong(last: Step, stop: str) -> list[str]:

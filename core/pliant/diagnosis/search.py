@@ -30,6 +30,7 @@ from pliant.diagnosis.fitting import (
 )
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.verdict import (
+    LEAST_SQUARE,
     NOTHING,
     EvidenceTable,
     EvidenceThresholds,
@@ -138,6 +139,8 @@ MOST_EFFECTS = 3
 # Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
 SCREENED = 8
 EXCHANGED = 3
+# So many sets that lead their size are asked whether a relative of their equations fits better.
+BENT = 5
 
 Tick = Callable[[str], None]
 
@@ -166,6 +169,7 @@ class HypothesisSearch:
         """The table of everything that was worth fitting among these kinds."""
         self._fit([NOTHING])
         self._fit([(kind,) for kind in kinds])
+        self._bend([(kind,) for kind in kinds])
         current = self._best([key for key in self.fits if len(key) <= 1])
         if room_above_floor(self.table(), current, self.thresholds):
             self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST), len(kinds))
@@ -194,8 +198,32 @@ class HypothesisSearch:
             self._fit(sets)
             best = self._exchanged(self._best(sets), directions)
             self._fit([tuple(kind for kind in best if kind != left) for left in best], near=best)
+            best = self._best([best, *self._bend(sets)])
             if not self._pays(best, before) or not room_above_floor(self.table(), best, self.thresholds):
                 return
+
+    def _bend(self, sets: Sequence[Kinds]) -> list[Kinds]:
+        """Let the forms of the leading sets vary, and keep those that pay for it; returns the leading sets."""
+        table, plain = self.table(), self.rows[NOTHING].mean_square
+        evidence = log_evidence(table, self.thresholds)
+        gaining = [kinds for kinds in dict.fromkeys(sets) if self.rows[kinds].mean_square < plain]
+        leading = sorted(gaining, key=lambda kinds: -evidence[kinds])[:BENT]
+        tried = [kinds for kinds in leading if EffectSet.of(self.registry, kinds, kinds).forms]
+        asked = [EffectSet.of(self.registry, kinds, kinds) for kinds in tried]
+        starts = [one.starts(self._known(kinds))[:1] for one, kinds in zip(asked, tried, strict=True)]
+        steps = [self.fits[kinds].parts for kinds in tried]
+        with JobQueue(self.executor, self.fitter.fit_from) as queue:
+            done = queue.each(list(zip(asked, starts, steps, strict=True)))
+            for kinds, one in zip(tried, done, strict=True):
+                fit = one.unwrap()
+                price, n = form_price(fit, table.noise.n_effective), table.noise.n_effective
+                squares = (self.rows[kinds].mean_square, fit.mean_square())
+                before, after = (max(square, LEAST_SQUARE) for square in squares)
+                gain = 0.5 * n * np.log(before / after)
+                if gain + self.rows[kinds].form_price > price:
+                    self._keep(kinds, fit, price)
+                self.tick(" + ".join(kinds) + ", relatives")
+        return leading
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
         """The base with each of the kinds that promise most beside it, its own parameters free to follow."""
@@ -211,7 +239,10 @@ class HypothesisSearch:
             if out not in best:
                 continue
             rest = tuple(kind for kind in best if kind != out)
-            looked = self.fitter.look(EffectSet.of(self.registry, rest), self._part(best, rest))
+            part = EffectSet.of(self.registry, rest, set(rest) & set(self.fits[best].candidate.forms))
+            known = self._known(best)
+            x = np.array([known[parameter.name] for parameter in part.parameters])
+            looked = self.fitter.look(part, x, self.fits[best].parts)
             if not np.all(np.isfinite(looked.residual)):
                 continue
             others = directions.next_to(looked.residual, looked.slopes, best, EXCHANGED)
@@ -219,11 +250,6 @@ class HypothesisSearch:
             self._fit(sets, near=best)
             best = self._best([best, *sets])
         return best
-
-    def _part(self, whole: Kinds, part: Kinds) -> Array:
-        """The parameters of a part of a fitted set, as they are in the set."""
-        known = self._known(whole)
-        return np.array([known[parameter.name] for parameter in EffectSet.of(self.registry, part).parameters])
 
     def _known(self, kinds: Kinds) -> dict[str, float]:
         """Parameters of a fitted set by name."""
@@ -243,16 +269,30 @@ class HypothesisSearch:
     def _fit(self, sets: Sequence[Kinds], near: Kinds | None = None) -> None:
         """Fit those of the sets that are new; where each begins does not depend on the others."""
         new = [kinds for kinds in dict.fromkeys(sets) if kinds not in self.fits]
-        asked = [EffectSet.of(self.registry, kinds) for kinds in new]
+        asked = [EffectSet.of(self.registry, kinds, self._bent(kinds)) for kinds in new]
         starts = [self._starts(candidate, near) for candidate in asked]
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
-            done = queue.each(list(zip(asked, starts, strict=True)))
+            done = queue.each(list(zip(asked, starts, map(self._steps, new), strict=True)))
             for kinds, one in zip(new, done, strict=True):
-                fit = self.fits[kinds] = one.unwrap()
-                self.rows[kinds] = _row(
-                    kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition
-                )
+                fit = one.unwrap()
+                price = form_price(fit, self.table().noise.n_effective) if fit.candidate.forms else 0.0
+                self._keep(kinds, fit, price)
                 self.tick(" + ".join(kinds) or "nothing")
+
+    def _keep(self, kinds: Kinds, fit: EffectFit, price: float) -> None:
+        self.fits[kinds] = fit
+        plain = self.fits[NOTHING].residual
+        self.rows[kinds] = _row(kinds, fit, plain, self.readings, self.condition, price)
+
+    def _bent(self, kinds: Kinds) -> list[str]:
+        """Those of these kinds that, each by itself, had not the plain form."""
+        return [kind for kind in kinds if (kind,) in self.fits and self.fits[(kind,)].candidate.forms]
+
+    def _steps(self, kinds: Kinds) -> int:
+        """Steps from sample to sample that its effects, each by itself, were found to need."""
+        return max(
+            [1, *(self.fits[part].parts for part in (NOTHING, *((k,) for k in kinds)) if part in self.fits)]
+        )
 
     def _starts(self, candidate: EffectSet, near: Kinds | None) -> list[Array]:
         """Near a fitted set, or near each effect as it was fitted alone and near all of them."""
@@ -265,8 +305,35 @@ class HypothesisSearch:
         return [candidate.starts(known)[0] for known in alone] + candidate.starts(together)
 
 
+def form_price(fit: EffectFit, n_effective: float) -> float:
+    """Log-odds that free forms cost: their prior at the fit, and Occam's factor of what the readings know of them.
+
+    With A = JᵀJ n_eff / (N s²) and D the prior's weights, ½ Σ D x² + ½ ln det (I + D⁻¹ A_ff·o), A_ff·o the information
+    on the forms with all else refitted: the ratio of the evidence integral to the likelihood at its top (Laplace;
+    MacKay, Neural Computation 4, 1992). A form that nobody feels costs nothing.
+    """
+    if not np.isfinite(fit.slopes).all():
+        return np.inf
+    parameters = fit.candidate.parameters
+    form = np.array([parameter.is_form for parameter in parameters], bool)
+    pull = np.array([parameter.pull for parameter in parameters])
+    known = (
+        fit.slopes.T @ fit.slopes * n_effective / (len(fit.residual) * max(fit.mean_square(), LEAST_SQUARE))
+    )
+    rest = known[~form][:, ~form] + np.diag(pull[~form])
+    across = known[~form][:, form]
+    alone = known[form][:, form] - across.T @ np.linalg.solve(rest, across)
+    _, size = np.linalg.slogdet(np.eye(int(form.sum())) + alone / pull[form, None])
+    return float(0.5 * (pull[form] @ fit.x[form] ** 2) + 0.5 * size)
+
+
 def _row(
-    kinds: Kinds, fit: EffectFit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]
+    kinds: Kinds,
+    fit: EffectFit,
+    plain: Array,
+    readings: ReadingVector,
+    condition: NDArray[np.intp],
+    form_price: float,
 ) -> Row:
     of_reading = condition[readings.run]
     left = heldout_residual(fit, readings.fold, plain)
@@ -275,7 +342,8 @@ def _row(
     known = np.where(np.isnan(unseen), plain, unseen) if several else left
     return Row(
         kinds=kinds,
-        n_parameters=len(fit.x),
+        n_parameters=sum(not parameter.is_form for parameter in fit.candidate.parameters),
+        form_price=form_price,
         mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
         heldout_square=float(np.mean(left**2)),
         unseen_square=float(np.mean(known**2)),

@@ -251,7 +251,9 @@ class _Profile:
         low, high = self.fit.candidate.limits()
         start = np.clip(self._last + (x - self._last[self.index]) * self.along, low, high)
         start[self.index] = x
-        refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.index, x), [start])
+        refitted = self.fitter.fit(
+            Held.hold(self.fit.candidate, self.index, x), [start], self.fit.parts, refine=False
+        )
         rise = (self._squares(refitted) - self._cost) / self.scale
         if not math.isfinite(rise):
             return 10 * NINETY

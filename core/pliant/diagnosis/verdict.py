@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -34,12 +34,13 @@ class Row:
 
     Attributes:
         kinds: its effects, sorted by name; empty for "nothing is missing".
-        n_parameters: fitted numbers.
+        n_parameters: fitted strengths and shapes.
         mean_square: S, the mean squared residual in units of the floor's square.
         heldout_square: the same with each run left out of its own fit.
         unseen_square: the same with each condition left out, all its repeats together.
         unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
         at_limit: names of parameters that ended on a bound.
+        form_price: log-odds that forms cost which vary; 0 for the plain ones.
     """
 
     kinds: Kinds
@@ -49,6 +50,7 @@ class Row:
     unseen_square: float
     unseen: tuple[float, ...]
     at_limit: tuple[str, ...]
+    form_price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,9 @@ class EvidenceThresholds:
         between_run_scatter: between / within scatter from which runs do not repeat.
         drift: change of scale between repeats, in floors (which it swells), from which they do not.
         fewest: n_eff below which no verdict is given.
+        rival_form: log-odds that a hypothesis loses at most against a rival of the same size for each share of what the
+            exchanged effect explains that it leaves over: more data do not tell whether a small share is another effect
+            or a form that is not quite ours.
         excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
             that an effect is paid only for what it explains beyond that.
     """
@@ -104,6 +109,7 @@ class EvidenceThresholds:
     unknown: float = 30.0
     model_form_tolerance: float = 0.03
     unknown_form_tolerance: float = 0.08
+    rival_form: float = 220.0
     temperature: float = 2.0
     believed: float = 0.9
     between_run_scatter: float = 1.5
@@ -119,6 +125,8 @@ class EvidenceThresholds:
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
+# Half the number of independent ways in which a form may be wrong.
+COINCIDENCE = 2.0
 
 
 def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
@@ -132,13 +140,53 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     found = {}
     for kinds, row in table.rows.items():
         square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
-        found[kinds] = -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - price * len(kinds)
+        paid = 0.5 * row.n_parameters * np.log(n) + price * len(kinds) + row.form_price
+        found[kinds] = -0.5 * n * np.log(square) - paid
+    _pay_rivals(table, found, n, thresholds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
         square = table.noise.floor_square + left
         found[UNKNOWN] = -0.5 * n * np.log(square) - thresholds.unknown
     return found
+
+
+def _pay_rivals(
+    table: EvidenceTable, found: dict[Kinds, float], n: float, thresholds: EvidenceThresholds
+) -> None:
+    """No hypothesis gets more against a rival of its size than is due to it, in place.
+
+    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above
+    the noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival
+    right with a form of its own, the best one would have to meet it by chance as closely as it does.
+    """
+    for size in {len(kinds) for kinds in found} - {0}:
+        rivals = [
+            kinds for kinds in found if len(kinds) == size and np.isfinite(table.rows[kinds].mean_square)
+        ]
+        if len(rivals) < 2:
+            continue
+        best = max(rivals, key=lambda kinds: found[kinds])
+        top = max(table.rows[best].mean_square, LEAST_SQUARE)
+        for kinds in rivals:
+            shared = tuple(kind for kind in best if kind in kinds)
+            mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
+            if mine <= top or shared not in table.rows:
+                continue
+            explained = table.rows[shared].mean_square - top
+            allowed = _allowance(table, kinds, thresholds)
+            lost = 0.5 * n * np.log((mine + allowed) / (top + allowed))
+            if explained > 0.0:
+                chance = COINCIDENCE * np.log(
+                    _above(table, mine, n, thresholds) / _above(table, top, n, thresholds)
+                )
+                found[kinds] += max(lost - thresholds.rival_form * (mine - top) / explained - chance, 0.0)
+
+
+def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
+    """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
 
 
 def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
@@ -229,6 +277,10 @@ HEADLINES = {
         "These data do not decide: {contenders}. The error is {left}.",
         "These data do not decide: {contenders}.",
     ),
+    "class": (
+        "Missing: {kinds}; these data cannot tell which. The error without it is {left}.",
+        "Missing: {kinds}; these data cannot tell which.",
+    ),
     "nothing_missing": (
         "Nothing is missing that these data could show.",
         "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
@@ -244,6 +296,8 @@ NOT_PREDICTIVE = (
     "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
 )
 MOST_NAMED = 4
+# More effects than these are no class that a user can act upon.
+MOST_IN_CLASS = 4
 
 Verdict = Literal[
     "missing_effect", "ambiguous", "nothing_missing", "unknown_effect", "not_repeatable", "insufficient_data"
@@ -260,6 +314,9 @@ class Judgement:
         selected: effects of the verdict; empty unless it is `missing_effect`.
         credible: hypotheses that hold 90 %.
         reasons: sentences.
+        selected_class: effects one of which is missing, the most probable first, where the verdict is `ambiguous` only
+            about which of them; else empty.
+        beside: effects that are missing beside one of `selected_class`, whichever it is.
         as_it_is: error of the model as it is on runs left out, over the floor.
         best: that of the most probable listed explanation; of the model as it is where none was tried.
     """
@@ -271,6 +328,8 @@ class Judgement:
     reasons: tuple[str, ...]
     as_it_is: Excess
     best: Excess
+    selected_class: Kinds = field(default=(), kw_only=True)
+    beside: Kinds = field(default=(), kw_only=True)
 
     @property
     def contenders(self) -> str:
@@ -283,8 +342,12 @@ class Judgement:
     @property
     def sentence(self) -> str:
         """The verdict in one sentence, with the explanations that are left."""
-        return HEADLINES[self.verdict][0 if self.small else 1].format(
-            kinds=" and ".join(self.selected),
+        known = "class" if self.selected_class else self.verdict
+        group = " or ".join(self.selected_class)
+        return HEADLINES[known][0 if self.small else 1].format(
+            kinds=" and ".join(
+                [*self.beside, f"({group})" if self.beside else group] if group else self.selected
+            ),
             contenders=self.contenders,
             left=self.as_it_is.words,
             ratio=self.as_it_is,
@@ -320,7 +383,22 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) 
     selected = first if verdict == "missing_effect" else NOTHING
     best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     left_out = [table.excess(table.rows[kinds].heldout_square) for kinds in (NOTHING, best)]
-    return Judgement(verdict, probability, selected, credible_set(probability), reasons, *left_out)
+    credible = credible_set(probability)
+    group, beside = _class_of(credible) if verdict == "ambiguous" and not reasons else ((), ())
+    return Judgement(
+        verdict, probability, selected, credible, reasons, *left_out, selected_class=group, beside=beside
+    )
+
+
+def _class_of(credible: Sequence[Kinds]) -> tuple[Kinds, Kinds]:
+    """Effects one of which each credible hypothesis has, and what all of them have beside it; empty where they part."""
+    if len(credible) < 2 or {NOTHING, UNKNOWN} & set(credible) or len({len(kinds) for kinds in credible}) > 1:
+        return (), ()
+    shared = tuple(kind for kind in credible[0] if all(kind in kinds for kinds in credible))
+    exchanged = [tuple(kind for kind in kinds if kind not in shared) for kinds in credible]
+    if any(len(kinds) != 1 for kinds in exchanged) or len(exchanged) > MOST_IN_CLASS:
+        return (), ()
+    return tuple(kinds[0] for kinds in exchanged), shared
 
 
 def _verdict(
@@ -379,7 +457,20 @@ def _verdict(
         )
     if not predicts_unseen(table, first):
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
-    return "missing_effect", ()
+    return "missing_effect", _other_form(table, first)
+
+
+def _other_form(table: EvidenceTable, kinds: Kinds) -> tuple[str, ...]:
+    """That the kind is right and its form is not exactly ours, where more is left than noise."""
+    top, noise = table.rows[kinds].mean_square, table.noise
+    left = table.excess(top)
+    if not noise.judged or not math.isfinite(left.ratio) or left.small:
+        return ()
+    share = (top - noise.floor_square) / max(table.nothing.mean_square - noise.floor_square, LEAST_SQUARE)
+    return (
+        f"The kind is right, its form is not exactly ours: with {named(kinds)} the error is still {left} times the "
+        f"noise, and {share:.1%} of what it explains is left.",
+    )
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,14 @@ from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.files import Sources, read_measurements
-from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import Followed, History
+from pliant.records.history import Followed, History, held
 from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 
@@ -32,6 +33,10 @@ POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
 # A marker may be said to sit this share of the length outside the chain.
 BEYOND = 0.05
 RunReadings = dict[str, Array]
+# Integration is fine enough where twice as many steps change an output by less than this share of its range.
+CLOSE = 5e-4
+# At most so many steps from sample to sample, and in all runs together.
+MOST_PARTS, MOST_STEPS = 16, 400_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,7 @@ class Predictor:
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
-        self._histories = [run.history for run in measurement.runs]
+        self._histories, self.parts = [run.history for run in measurement.runs], 1
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
             if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
@@ -102,10 +107,42 @@ class Predictor:
     def for_runs(self, measurement: Measurement) -> Predictor:
         """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
         other = copy.copy(self)
-        other.measurement = measurement
+        other.measurement, other.parts = measurement, 1
         other._histories = [run.history for run in measurement.runs]
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
+
+    def refined(self, parts: int) -> Predictor:
+        """The same model, integrated in `parts` steps from each sample to the next, 1 or an even number.
+
+        The implicit step of the engines has an error of first order in its length, which half as many steps show: twice
+        the finer path less the coarser one is of second order (Richardson, Phil. Trans. R. Soc. A 226, 1927).
+        """
+        if parts == self.parts:
+            return self
+        other = copy.copy(self)
+        other.parts = parts
+        return other
+
+    def steps_between_samples(self, effects: Sequence[EffectConfig] = (), least: int = 1) -> int:
+        """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
+
+        Dynamics that are faster than the sampling need more of them; models without memory or clock need one.
+        """
+        timed = sum(len(history) for history in self._histories if history.time_s is not None)
+        model = self._changed(self._base, effects)
+        moves = model.inputs or model.outputs or any(term.needs_time for term in model.chain.terms)
+        if not timed or not moves or self.backend.capabilities.dynamic:
+            return least
+        parts, here = least, self.refined(least).evaluate(effects).runs
+        measured = [run.outputs for run in self.measurement.runs]
+        ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
+        while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
+            finer = self.refined(2 * parts).evaluate(effects).runs
+            if all(_change(here, finer, name) <= CLOSE * span for name, span in ranges.items()):
+                break
+            parts, here = 2 * parts, finer
+        return parts
 
     @property
     def chain(self) -> ChainModel:
@@ -118,12 +155,12 @@ class Predictor:
         return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
 
     def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
-        """Predicted outputs of each run; see `Prediction`.
+        """Predicted outputs of each run, in as many steps as they need; see `Prediction`.
 
         Raises:
             NotReachedError: no sample of any run has an equilibrium.
         """
-        prediction = self.evaluate(effects)
+        prediction = self.refined(self.steps_between_samples(effects)).evaluate(effects)
         if prediction.n_failed == sum(map(len, self._histories)):
             raise NotReachedError("the model has no equilibrium in any of the measured states")
         return prediction.runs
@@ -134,28 +171,62 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
-        reached = [model.commanded(h) for h in driven]
+        found = self._evaluate(model, driven, self.parts)
+        if self.parts == 1:
+            return found
+        coarser = self._evaluate(model, driven, self.parts // 2)
+        return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
+
+    def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
+        if any(map(is_held, driven)):
+            return self._held(model, driven, parts)
+        reached = _reached(model, driven, parts)
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
-        return Prediction(self._read(model, paths, reached), failed)
+        return Prediction(self._read(model, paths, reached, parts), failed)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
-        model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
-        driven = tuple(model.commanded(h) for h in self._histories)
-        variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
+        models = [self._changed(self._base, changed) for changed in (effects, *towards)]
+        found, differences = self._vary(models, self.parts)
+        if self.parts == 1:
+            return found, differences
+        coarser, others = self._vary(models, self.parts // 2)
+        runs = _extrapolated(found.runs, coarser.runs)
+        pairs = zip(differences, others, strict=True)
+        return Prediction(runs, found.n_failed), tuple(_extrapolated(fine, coarse) for fine, coarse in pairs)
+
+    def _vary(
+        self, models: Sequence[Model], parts: int
+    ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
+        """Of the first model, towards each of the others."""
+        model, *others = models
+        if any(map(is_held, self._histories)):
+            kept = self._held(model, self._histories, parts)
+            moved_runs = [self._held(other, self._histories, parts).runs for other in others]
+            return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
+        driven = tuple(_reached(model, self._histories, parts))
+        variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
-        base = self._read(model, paths, driven)
+        base = self._read(model, paths, driven, parts)
         differences = []
-        for other, change, variation in zip(models, changes, variations, strict=True):
+        for other, change, variation in zip(others, changes, variations, strict=True):
             pairs = zip(paths, change, strict=True)
             moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
-            there = zip(base, self._read(other, moved, variation.histories), strict=True)
-            differences.append(tuple({name: b[name] - a[name] for name in a} for a, b in there))
+            differences.append(_differences(base, self._read(other, moved, variation.histories, parts)))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
+
+    def _held(self, model: Model, histories: Sequence[History], parts: int) -> Prediction:
+        """What is read of a joint whose coordinate the bench imposes; effects of inputs act on its supply alone."""
+        fine = [history.refined(parts) for history in histories]
+        reached = [model.commanded(without_held(model.chain, history)) for history in fine]
+        coordinates = imposed(model.chain, fine)
+        paths = [Followed(u[:, None, None], np.ones(len(u), bool)) for u in coordinates]
+        efforts = blocked_efforts(model.chain, reached, coordinates)
+        return Prediction(self._read(model, paths, reached, parts, efforts), 0)
 
     def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
         for config in effects:
@@ -164,17 +235,26 @@ class Predictor:
         return model
 
     def _read(
-        self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
+        self,
+        model: Model,
+        paths: Sequence[Followed],
+        histories: Sequence[History],
+        parts: int,
+        efforts: Sequence[Array] = (),
     ) -> tuple[RunReadings, ...]:
-        """What the sensors say of each run's path under the inputs that reach the chain."""
+        """What the sensors say at the samples of each run's path under the inputs that reach the chain.
+
+        `efforts` (t,) of each run with which a held joint pushes back.
+        """
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
         ends = np.cumsum([len(history) for history in histories])[:-1]
-        parts = {name: np.split(values, ends) for name, values in true.items()}
+        of_runs = {name: np.split(values, ends) for name, values in true.items()}
+        of_runs |= {name: list(efforts) for name in BLOCKED.values() if efforts and name in self.outputs}
         runs = []
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
-            run = {name: parts[name][k] for name in self.outputs}
+            run = {name: of_runs[name][k] for name in self.outputs}
             if model.outputs:  # maps of the readings see the clock and the actuation too
                 clock = {} if history.time_s is None else {"time_s": history.time_s}
                 pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
@@ -182,31 +262,41 @@ class Predictor:
                 run = {name: np.asarray(reported[name], float) for name in self.outputs}
             if not path.converged.all():
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
+            if history.time_s is not None and parts > 1:
+                run = {name: values[::parts] for name, values in run.items()}
             runs.append(run)
         return tuple(runs)
 
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
         """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
         angles = q[:, :, self._geometry.main]
-        markers = None
+        markers, turned = None, None
         if any(POSITION.fullmatch(name) for name in self.outputs):
             geometry = ChainGeometry.of(model.chain)
-            markers = trajectory(geometry, q, base_rotations(geometry.base_rotation, base_angles))
+            bases = base_rotations(geometry.base_rotation, base_angles)
+            markers = trajectory(geometry, q, bases)
+            turned = orientations(geometry, q, bases) if self.measurement.marker_offsets_m else None
         readings: RunReadings = {}
         for name in self.outputs:
             if joint := JOINT_ANGLE.fullmatch(name):
                 readings[name] = angles[:, int(joint[1]) - 1]
             elif position := POSITION.fullmatch(name):
                 assert markers is not None
-                readings[name] = self._marker(markers, position[2])[:, "xyz".index(position[3])]
+                place = self._marker(markers, position[2], turned)
+                readings[name] = place[:, "xyz".index(position[3])]
+            elif name in BLOCKED.values():
+                continue  # of the laws, not of the pose
             elif name == "elongation_strain":
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             else:
                 readings[name] = angles.sum(axis=1)
         return readings
 
-    def _marker(self, markers: Array, number: str | None) -> Array:
-        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
+    def _marker(self, markers: Array, number: str | None, turned: Array | None) -> Array:
+        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip.
+
+        `turned` (t, n + 1, 3, 3) are the bodies' orientations, where markers stand beside the centre line.
+        """
         if number is None:
             return markers[:, -1]
         arms = self.measurement.marker_arms_m
@@ -215,10 +305,12 @@ class Predictor:
         ends = self._arms()
         arm = float(np.clip(arms[int(number) - 1], 0.0, ends[-1]))
         piece = max(int(np.searchsorted(ends, arm, side="left")) - 1, 0)
-        if ends[piece + 1] == ends[piece]:
-            return markers[:, piece]
-        share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
-        return np.asarray((1.0 - share) * markers[:, piece] + share * markers[:, piece + 1])
+        span = ends[piece + 1] - ends[piece]
+        share = (arm - ends[piece]) / span if span else 0.0
+        place = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
+        if turned is not None:
+            place = place + turned[:, piece] @ np.asarray(self.measurement.marker_offsets_m[int(number) - 1])
+        return np.asarray(place)
 
     def _arms(self) -> Array:
         """(n + 2,) places of base, joints and tip along the chain at rest."""
@@ -236,7 +328,40 @@ class Predictor:
         if position := POSITION.fullmatch(name):
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
+        if any(map(is_held, self._histories)):
+            return name == BLOCKED.get(self._geometry.kind)
         return name == ("elongation_strain" if prismatic else "angle_rad")
+
+
+def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
+    """Readings there less those of the base, run by run."""
+    return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
+
+
+def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
+    """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
+    return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+
+
+def _extrapolated(fine: Sequence[RunReadings], coarse: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
+    """Of second order in the step, from two of first order, one with twice the steps of the other."""
+    return tuple(
+        {name: 2.0 * values - b[name] for name, values in a.items()}
+        for a, b in zip(fine, coarse, strict=True)
+    )
+
+
+def _range(runs: Sequence[Mapping[str, Array]], name: str) -> float:
+    values = np.concatenate([run[name] for run in runs])
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
+
+
+def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str) -> float:
+    """Root mean square of what an output changes by, over the samples that both have."""
+    difference = np.concatenate([a[name] - b[name] for a, b in zip(one, other, strict=True)])
+    there = difference[np.isfinite(difference)]
+    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
 
 
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")

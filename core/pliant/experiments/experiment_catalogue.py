@@ -59,7 +59,8 @@ CAMERA = "a camera or a tracker"
 def timed_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
     """All runs of the default menu that make sense for this chain."""
     make = RunMaker(scale)
-    return tuple(run for build in BUILDERS.values() if (run := build(make, RunShape())) is not None)
+    builders = [build for name, build in BUILDERS.items() if name in OF_HELD or not scale.is_held]
+    return tuple(run for build in builders if (run := build(make, RunShape())) is not None)
 
 
 def slow_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
@@ -223,6 +224,10 @@ BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
 }
 
 
+# Runs in which a joint may be held: those that neither load it nor turn its base.
+OF_HELD = ("slow_cycles", "fast_cycles", "small_loops", "holds", "virgin", "warm", "vented_zero")
+
+
 def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
     """All runs without a clock that make sense for this chain."""
     make, runs = RunMaker(scale), []
@@ -246,6 +251,8 @@ def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
     if moment is not None:
         words = f"at {count}, the load that brings the angle back to zero; read the angle left"
         add("blocked", words, TURNING, LEVER, moment_n_m=moment)
+    if scale.is_held:
+        return tuple(run for run in runs if run.name in OF_HELD)
     words = f"{count} with the tip's position and every joint's angle read too"
     add("second_sensor", words, MOUNTING, CAMERA, adds=second_outputs(scale))
     return tuple(runs)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError, closest
+from pliant.mechanics.held import HELD
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -50,10 +51,15 @@ class BenchScale:
 
     @staticmethod
     def of_measurement(chain: ChainModel, measurement: Measurement) -> BenchScale:
-        """The largest actuation and load of the measurement; a share of the law's torque where it has no load."""
+        """The largest actuation and load of the measurement; a share of the law's torque where it has no load.
+
+        Of a joint that the bench holds, the largest coordinate, and no load.
+        """
         histories = [run.history for run in measurement.runs]
         last = histories[-1]
-        top = {name: max(_largest(h.actuation[name]) for h in histories) for name in last.actuation}
+        held = [name for name in last.actuation if name in HELD.values()]
+        driven = held or list(last.actuation)
+        top = {name: max(_largest(h.actuation[name]) for h in histories) for name in driven}
         moment = max(_largest(h.moment_n_m) for h in histories)
         force = _strongest(histories)
         load = np.array([moment, *(np.zeros(3) if moment > 0.0 else force)])
@@ -61,7 +67,7 @@ class BenchScale:
         return BenchScale(
             chain,
             top,
-            load if load.any() else _default_load(chain, top),
+            load if load.any() or held else _default_load(chain, top),
             float(np.median(last.temperature_c)),
             tuple(float(angle) for angle in histories[0].base_angles_rad[0]),  # type: ignore[arg-type]
             None if payload is None else float(payload[0]),
@@ -91,8 +97,15 @@ class BenchScale:
         return len({np.sign(self._sign(name)) for name in self._driven()}) > 1
 
     @property
+    def is_held(self) -> bool:
+        """The bench holds the joint, and reads what holds it."""
+        return not set(HELD.values()).isdisjoint(self.top)
+
+    @property
     def drive(self) -> str:
         """What the inputs are called in an order to the bench."""
+        if self.is_held:
+            return "imposed motion"
         return "pressure" if all(name.startswith("pressure") for name in self.top) else "drive"
 
     @property
@@ -118,7 +131,7 @@ class BenchScale:
 
     def blocking_moment(self, actuation: Mapping[str, Array]) -> Array | None:
         """(t,) the end moment that holds a joint at zero against this actuation; None for an extension."""
-        if self.chain.laws[0].joint == "prismatic":
+        if self.is_held or self.chain.laws[0].joint == "prismatic":
             return None
         return sum_of_efforts(self.chain, actuation)
 

@@ -23,7 +23,7 @@ InputMap = Callable[[History], History]
 OutputMap = Callable[[Readings], Readings]
 
 
-Role = Literal["strength", "shape"]
+Role = Literal["strength", "shape", "form"]
 Prior = Literal["normal", "log_normal"]
 
 
@@ -34,10 +34,12 @@ class EffectParameter:
     Attributes:
         name: the config's field.
         unit: its SI unit; "1" for a pure number.
-        neutral: the value at which the effect vanishes; for a `shape`, any typical value.
+        neutral: the value at which the effect vanishes; for a `shape`, any typical value; for a `form`, the plain one.
         bounds: hard limits.
         plausible: the range that would not surprise an expert: the central 90 % of the prior.
-        role: `strength` scales the effect and makes it vanish at `neutral`; `shape` says when or how it acts.
+        role: `strength` scales the effect and makes it vanish at `neutral`; `shape` says when or how it acts; `form`
+            bends its equation into a relative of it (an exponent, a second time constant): held at `neutral`, the plain
+            form, until a diagnosis asks whether a relative of a leading effect fits better.
         prior: `normal`, or `log_normal` for numbers whose order of magnitude is open (times, widths).
         simpler: for a `shape`, values at which a simpler form is enough, each with what that means in the effect's
             own words: ``(0.01, "one volume is enough")``. A fit that ends there is no cause for alarm.
@@ -67,7 +69,7 @@ class EffectParameter:
         if self.prior == "log_normal" and least <= 0:
             return f"a log-normal prior has no room for {least:g}"
         if self.simpler and self.role != "shape":
-            return "a strength has no simpler form: at its neutral value the effect vanishes"
+            return "only a shape has simpler forms: elsewhere the neutral value is the simplest"
         for at, words in self.simpler:
             if not (low <= at <= high and words):
                 return f"simpler form {at:g} '{words}' is outside the bounds {self.bounds} or has no words"
@@ -114,11 +116,20 @@ class EffectConfig(ComponentConfig):
 
     @classmethod
     def fit_parameters(cls) -> tuple[EffectParameter, ...]:
-        """The numbers that calibration may fit, in the order of their fields.
+        """The strengths and shapes that calibration may fit, in the order of their fields.
 
         Raises:
             TypeError: a declaration that cannot be, such as a plausible range outside the bounds.
         """
+        return tuple(one for one in cls._declared() if one.role != "form")
+
+    @classmethod
+    def form_parameters(cls) -> tuple[EffectParameter, ...]:
+        """The numbers that bend the effect's equation into its relatives; same errors as `fit_parameters`."""
+        return tuple(one for one in cls._declared() if one.role == "form")
+
+    @classmethod
+    def _declared(cls) -> tuple[EffectParameter, ...]:
         declared = []
         for name, field in cls.model_fields.items():
             for item in field.metadata:

@@ -20,6 +20,10 @@ KNOWN = (
     Known(r"time", "_s", "s", "time"),
     Known(r"pressure(_[1-9]\d*)?", "_pa", "Pa", "input"),
     Known(r"tendon_force(_[1-9]\d*)?", "_n", "N", "input"),
+    Known(r"held_angle", "_rad", "rad", "input"),  # imposed by the bench, which reads what holds it
+    Known(r"held_elongation", "_strain", "dimensionless", "input"),
+    Known(r"blocked_moment", "_n_m", "N*m", "output"),
+    Known(r"blocked_force", "_n", "N", "output"),
     Known(r"tendon_travel", "_m", "m", "output"),  # an input where the chain says so
     Known(r"moment", "_n_m", "N*m", "condition"),
     Known(r"tip_force_[xyz]", "_n", "N", "condition"),
@@ -50,6 +54,11 @@ EXAMPLES = (
     ),
     *("base_roll_rad", "base_pitch_rad", "base_yaw_rad", "cycle", "angle_rad", "joint_1_angle_rad"),
     *("tip_x_m", "tip_y_m", "tip_z_m", "marker_1_x_m", "marker_1_y_m", "marker_1_z_m"),
+    *(
+        "held_elongation_strain",
+        "blocked_moment_n_m",
+        "blocked_force_n",
+    ),  # held_angle is too near to bend_angle
     *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
 )
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")

@@ -19,6 +19,7 @@ from pliant.tabular.units import stem, unit_at_the_end
 
 # What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
 DRIVES = ("pressure_pa", "tendon_force_n")
+HELD = ("held_angle_rad", "held_elongation_strain")  # imposed: then no supply is needed
 READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
 ANOTHER = "another.csv"  # stands for a file that has not been named
 
@@ -83,7 +84,8 @@ def read_header(
     outputs = [column.name for column in numeric if column.role == "output"]
     used = []
     for column in numeric:
-        if column.role == "input" and actuation is not None and column.name not in actuation:
+        idle = actuation is not None and column.name not in actuation and column.name not in HELD
+        if column.role == "input" and idle:
             remarks.append(detail(f"Input '{column.name}' does not drive the chain and is ignored."))
         elif column.role == "count":
             remarks.append(
@@ -202,7 +204,7 @@ def _check_needed(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
             "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
         )
-    wanted = [name for name in actuation or () if name not in have]
+    wanted = [name for name in actuation or () if name not in have and not set(have) & set(HELD)]
     inputs = wanted or (() if have else DRIVES)
     outputs = () if "output" in roles else READ
     listed = ", ".join(unknown[:20])

@@ -28,7 +28,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         return measurements[0]
     first = measurements[0]
     inputs = set(first.runs[0].history.actuation)
-    arms = {m.marker_arms_m for m in measurements if m.marker_arms_m}
+    arms = {(m.marker_arms_m, m.marker_offsets_m) for m in measurements if m.marker_arms_m}
     for other in measurements[1:]:
         theirs = set(other.runs[0].history.actuation)
         if theirs != inputs:
@@ -64,11 +64,12 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
             for remark in m.remarks
             if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES)
         ),
-        next(iter(arms), ()),
+        next(iter(arms), ((), ()))[0],
         digest if any(m.sha256 for m in measurements) else "",
         tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),
         {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
         {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
+        next(iter(arms), ((), ()))[1],
     )
 
 

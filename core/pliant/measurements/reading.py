@@ -87,6 +87,11 @@ def read_measurement(
     outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
     stated = _stated(notes, notes_name, outputs)
+    if notes.marker_offsets_m and len(notes.marker_offsets_m) != len(notes.markers_m):
+        raise UserError(
+            f"{notes_name}: 'marker_offsets' has {len(notes.marker_offsets_m)} entries and 'markers' "
+            f"{len(notes.markers_m)}; give an offset for each, [0, 0, 0] for one on the centre line."
+        )
     runs = [_run(rows, header, outputs, stated, path) for rows in gathered if rows.kept]
     said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
@@ -128,6 +133,7 @@ def read_measurement(
         tuple(doubts),
         {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
+        notes.marker_offsets_m,
     )
 
 

@@ -45,7 +45,9 @@ def write_measurement(measurement: Measurement, path: Path | str) -> None:
     write_atomically(path, "\n".join(lines) + "\n")
     if measurement.marker_arms_m:
         arms = ", ".join(repr(float(arm)) for arm in measurement.marker_arms_m)
-        write_atomically(path.with_suffix(".yaml"), f"markers_m: [{arms}]\n")
+        aside = [list(map(float, offset)) for offset in measurement.marker_offsets_m]
+        notes = f"markers_m: [{arms}]\n" + (f"marker_offsets_m: {aside}\n" if aside else "")
+        write_atomically(path.with_suffix(".yaml"), notes)
 
 
 def _columns(run: MeasuredRun) -> dict[str, Array]:

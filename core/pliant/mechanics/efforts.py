@@ -1,4 +1,6 @@
-"""Efforts of all joints of a chain from its laws, actuators and law terms: τ(q) = Σ_k s_k · law(p_k, s_k q).
+"""Efforts of all joints of a chain from its laws, actuators and law terms: τ(q) = Σ_k T_k law(p_k, T_kᵀ q).
+
+T_k is an actuator's sign, and its turn about the chain axis where it has one (`Actuator.turn`).
 
 Terms split that sum into its elastic part, the sum at p = 0, and its actuation part, the rest: see `LawTerm`.
 """
@@ -57,6 +59,7 @@ class JointEfforts:
         self.actuators = chain.actuators
         self.shape = (chain.n_joints, len(chain.axes))
         self._signs = np.array([actuator.sign for actuator in chain.actuators], float)
+        self._turns = np.array([actuator.turn(len(chain.axes)) for actuator in chain.actuators], float)
         of_joint = np.array([joint.law for joint in chain.joints])
         self._groups = [
             _LawGroup(law, np.flatnonzero(of_joint == k)) for k, law in enumerate(chain.laws) if k in of_joint
@@ -95,7 +98,7 @@ class JointEfforts:
         return self.terms.advance(q, float(self._signs @ self.values(actuation)), memory)
 
     def potential(self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None) -> float:
-        """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J.
+        """Σ Π(p, Tᵀ q) − Π(p, 0) over joints and actuators, in J.
 
         With law terms it is minus the work of τ along the straight path from 0, memory held: the potential of
         the step to come, by 12-point Gauss–Legendre.
@@ -113,14 +116,15 @@ class JointEfforts:
         n, a = self.shape
         tau, dtau_du = np.zeros((n, a)), np.zeros((n, a, a))
         dtau_dp = {actuator.input: np.zeros((n, a)) for actuator in self.actuators}
-        signs = self._signs
+        turns = self._turns
         for group in self._groups:
             pressures, deformations = self._stack(group, q, values)
             effort = group.law.evaluate(pressures, deformations)
-            shape = (len(signs), len(group.joints), a)
-            tau[group.joints] += np.einsum("k,kna->na", signs, effort.tau.reshape(shape))
-            dtau_du[group.joints] += np.einsum("k,knab->nab", signs**2, effort.dtau_du.reshape(*shape, a))
-            by_input = signs[:, None, None] * effort.dtau_dp.reshape(shape)
+            shape = (len(turns), len(group.joints), a)
+            tau[group.joints] += np.einsum("kab,knb->na", turns, effort.tau.reshape(shape))
+            slopes = effort.dtau_du.reshape(*shape, a)
+            dtau_du[group.joints] += np.einsum("kab,knbc,kdc->nad", turns, slopes, turns)
+            by_input = np.einsum("kab,knb->kna", turns, effort.dtau_dp.reshape(shape))
             for actuator, slope in zip(self.actuators, by_input, strict=True):
                 dtau_dp[actuator.input][group.joints] += slope
         return ChainEffort(tau, dtau_dp, dtau_du)
@@ -138,10 +142,11 @@ class JointEfforts:
         found: list[OutsideDomain] = []
         for group in self._groups:
             names = _deformation_names(group.law)
-            for actuator, value in zip(self.actuators, values, strict=True):
+            for actuator, value, turn in zip(self.actuators, values, self._turns, strict=True):
                 pressures = np.full(len(group.joints), value)
-                excess = group.law.domain.excess(pressures, actuator.sign * q[group.joints])
-                excess[:, 1:] *= actuator.sign
+                excess = group.law.domain.excess(pressures, q[group.joints] @ turn)
+                if not actuator.rotation_rad:  # else it is told about the actuator's own axes
+                    excess[:, 1:] *= actuator.sign
                 for row, column in np.argwhere(np.abs(excess) > DOMAIN_ROUNDING):
                     variable = (actuator.input, *names)[column]
                     found.append(
@@ -162,7 +167,7 @@ class JointEfforts:
     def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
         """Actuation (k·m,) and deformation (k·m, a) of a group's m joints under all k actuators."""
         joints = q[group.joints]
-        return np.repeat(values, len(joints)), (self._signs[:, None, None] * joints).reshape(-1, q.shape[1])
+        return np.repeat(values, len(joints)), (joints @ self._turns).reshape(-1, q.shape[1])
 
 
 def _deformation_names(law: JointLaw) -> tuple[str, ...]:

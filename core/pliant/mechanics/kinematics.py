@@ -158,6 +158,18 @@ def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Arra
     return markers
 
 
+def orientations(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
+    """(t, n + 1, 3, 3) orientations of the bodies over a history, as `trajectory`."""
+    rotations = np.empty((len(q), geometry.n_joints + 1, 3, 3))
+    rotations[:, 0] = base_rotations
+    vectors = q @ geometry.basis.T
+    for i in range(geometry.n_joints):
+        rotations[:, i + 1] = rotations[:, i] @ geometry.rest_rotations[i]
+        if geometry.kind != "prismatic":
+            rotations[:, i + 1] = rotations[:, i + 1] @ exp_map(vectors[:, i])
+    return rotations
+
+
 def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
     """Markers of hinges at angles q (t, n): two columns of a rotation turn into each other; time is last in memory."""
     steps, n = q.shape

@@ -276,6 +276,7 @@ class StudyHandle:
         data: Data = None,
         *,
         effects: Sequence[str] | None = None,
+        named_only: bool = False,
         workers: Workers = 1,
         out: str | Path | None = None,
     ) -> Result[Any]:
@@ -284,6 +285,7 @@ class StudyHandle:
         Args:
             data: see `compare`.
             effects: candidates; all by default.
+            named_only: add nothing whose cause no verdict names, however well it predicts.
             workers: processes that fit hypotheses.
             out: a new study file that has what was added; nothing is written where nothing was.
 
@@ -295,11 +297,13 @@ class StudyHandle:
         measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
-            found = api.improve(self.opened, measurement, kinds=effects, workers=workers)
+            found = api.improve(
+                self.opened, measurement, kinds=effects, named_only=named_only, workers=workers
+            )
+            document = improvement_document(self.name, measurement, found, registry, effects or ())
         if out is not None and found.final is not None:
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             self._write(Path(out), found.final, data, improvement_origin(found, cited(measurement)), notes)
-            document = improvement_document(self.name, measurement, found, registry, effects or ())
         return Result(found, document, plots.steps, frames.steps)
 
     def _write(self, target: Path, found: Extension, data: Data, note: str, notes: Mapping[str, str]) -> None:

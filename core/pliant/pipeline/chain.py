@@ -205,4 +205,10 @@ def _actuators(config: ChainConfig, laws: Sequence[JointLaw]) -> tuple[Actuator,
     for actuator in config.actuators:
         if re.sub(r"_\d+_", "_", actuator.input) != re.sub(r"_\d+_", "_", names[0]):
             raise UserError(f"chain.actuators names '{actuator.input}', but the chain's law takes {names[0]}")
-    return tuple(Actuator(a.input, a.sign) for a in config.actuators) or (Actuator(names[0]),)
+        if actuator.rotation_rad and len(laws[0].axes) != 3:
+            raise UserError(
+                f"chain.actuators turns '{actuator.input}' about the chain axis, and a {laws[0].joint} joint has one "
+                "axis: give the law 'axes' x, y and z, or leave 'rotation' out."
+            )
+    turned = (Actuator(a.input, a.sign, a.rotation_rad) for a in config.actuators)
+    return tuple(turned) or (Actuator(names[0]),)

@@ -39,10 +39,22 @@ class Ring(NamedTuple):
 
 @dataclass(frozen=True)
 class Actuator:
-    """A chamber or tendon that acts on every joint: τ += sign · law(p, sign · u). `input` names its signal."""
+    """A chamber or tendon that acts on every joint: τ += T law(p, Tᵀ u) with T = sign · R_x(rotation).
+
+    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints with three axes only.
+    """
 
     input: str
     sign: float = 1.0
+    rotation_rad: float = 0.0
+
+    def turn(self, n_axes: int) -> Array:
+        """T, (a, a)."""
+        turn = self.sign * np.eye(n_axes)
+        if self.rotation_rad:
+            c, s = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
+            turn[1:, 1:] = self.sign * np.array([[c, -s], [s, c]])
+        return turn
 
 
 @dataclass(frozen=True, eq=False)

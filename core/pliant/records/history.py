@@ -65,6 +65,34 @@ class History:
         """A copy with some actuations replaced, by name."""
         return replace(self, actuation={**self.actuation, **changes})
 
+    def refined(self, parts: int) -> History:
+        """The same straight lines with `parts` samples where there was one; without a clock, the history itself."""
+        if self.time_s is None or parts == 1:
+            return self
+        samples = np.arange(len(self))
+        places = np.linspace(0, len(self) - 1, parts * (len(self) - 1) + 1)
+
+        def between(values: Array) -> Array:
+            """(t', …) of (t, …)."""
+            columns = values.reshape(len(self), -1).T
+            rows = np.stack([np.interp(places, samples, column) for column in columns], axis=1)
+            return np.asarray(rows.reshape(len(places), *values.shape[1:]))
+
+        return replace(
+            self,
+            time_s=between(self.time_s),
+            actuation={name: between(values) for name, values in self.actuation.items()},
+            tip_force_n=between(self.tip_force_n),
+            moment_n_m=between(self.moment_n_m),
+            temperature_c=between(self.temperature_c),
+            base_angles_rad=between(self.base_angles_rad),
+            payload_kg=None if self.payload_kg is None else between(self.payload_kg),
+            # what is said of a sample holds for the step that leads to it
+            valve_open=None
+            if self.valve_open is None
+            else self.valve_open[np.ceil(places - 1e-9).astype(int)],
+        )
+
     def signals(self) -> dict[str, Array]:
         """(t,) each input, load and condition that the run has, by the name of its column in a measurement file."""
         optional = {"payload_kg": self.payload_kg, "valve_open": self.valve_open}

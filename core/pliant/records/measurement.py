@@ -72,6 +72,8 @@ class Measurement:
         remarks: what the reader did or noticed that changes how results should be read, in sentences.
         marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
             markers are the chain's own (joints 1…N, then the tip as N + 1).
+        marker_offsets_m: (x, y, z) of each of them beside the centre line, in the frame of its piece; empty where all
+            stand on it.
         doubts: columns that may mean something else; `remarks` holds their sentences too.
         written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
         headed: Pliant's name of each column that was read → its heading in the file ("Druck [mbar]").
@@ -86,6 +88,7 @@ class Measurement:
     doubts: tuple[Doubt, ...] = ()
     written: Mapping[str, str] = field(default_factory=dict)
     headed: Mapping[str, str] = field(default_factory=dict)
+    marker_offsets_m: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def n_samples(self) -> int:

@@ -73,7 +73,7 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         good += f"; {_ratio(after)} with {named(best)}"
     missing = {
         "missing_effect": _with_parameters(found),
-        "ambiguous": f"One of these: {judgement.contenders}",
+        "ambiguous": f"One of these{', whichever it is' if judgement.selected_class else ''}: {judgement.contenders}",
         "nothing_missing": "Nothing that these runs show",
         "unknown_effect": "An effect that is not in the list",
         "not_repeatable": "Not asked: runs with the same inputs differ",

@@ -55,6 +55,8 @@ MOST_PAIRS = 6
 MOST_SHOWN = 6  # hypotheses on the terminal
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
+    "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
+    "Which it is, the run below or a look at the bench tells.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
     "unknown_effect": "Do not extend the study with an effect that does not reach the floor; measure what the error "
@@ -120,6 +122,8 @@ def _demand(found: Diagnosis) -> str:
         return LITTLE_LEFT
     if verdict == "nothing_missing" and not small:
         return RECORD
+    if found.judgement.selected_class:
+        return DEMANDS["class"]
     decided = found.next_run is not None or verdict not in UNDECIDED
     return DEMANDS[verdict] if decided else RECORD
 

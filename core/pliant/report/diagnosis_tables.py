@@ -34,7 +34,8 @@ def hypotheses_json(found: Diagnosis) -> list[dict[str, Any]]:
     for kinds in found.judgement.probability:
         row = found.table.rows.get(kinds)
         fitted = {key: getattr(row, key) for key in (*keys, "n_parameters", "at_limit")} if row else {}
-        made.append({**as_json(columns, kinds), **fitted})
+        forms = list(found.fits[kinds].candidate.forms) if kinds in found.fits else []
+        made.append({**as_json(columns, kinds), **fitted, "forms": forms})
     return made
 
 

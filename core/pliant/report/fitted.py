@@ -101,6 +101,8 @@ def verdict_json(found: Judgement) -> dict[str, Any]:
         "sentence": found.sentence,
         "reasons": list(found.reasons) or said,
         "selected": list(found.selected),
+        "selected_class": list(found.selected_class),
+        "beside_class": list(found.beside),
         "credible_set": [list(kinds) for kinds in found.credible],
     }
 

@@ -44,6 +44,7 @@ NamedFloor = tuple[str, Floor]
 STEP_COLUMNS: tuple[Column[Placed], ...] = (
     Column("1.added", head="step", brief="step", text=lambda placed: _title(placed)),
     Column("1.stands_for"),
+    Column("1.cause"),
     Column("1.why"),
     Column(lambda placed: errors_json(placed[1].locked), "heldout"),
     Column("1.locked.over_floor", "rmse_over_floor"),
@@ -86,6 +87,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "steps": [as_json(STEP_COLUMNS, placed) for placed in enumerate(found.steps, start=1)],
         "stop": found.stop,
         "reason": found.reason,
+        "named": [kind for step in found.steps if step.cause == "named" for kind in step.added],
         "locked_runs": [names[k] for k in found.locked.runs],
         "unseen_runs": [names[k] for k in found.locked.unseen],
         "noise_floor": floors_json(found.floors),
@@ -105,7 +107,19 @@ def summary(found: Improvement) -> str:
     kinds = listed([step.named for step in found.steps if step.added])
     verb = "falls" if last.over_floor < first.over_floor else "goes"
     now = _ratio(found.steps[-1])
-    return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."
+    fall = f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."
+    return f"{fall} {causes(found)}".strip()
+
+
+def causes(found: Improvement) -> str:
+    """Which of the steps a verdict names as the cause, where any is open."""
+    steps = [step for step in found.steps if step.added]
+    named = [kind for step in steps if step.cause == "named" for kind in step.added]
+    unnamed = [kind for step in steps if step.cause != "named" for kind in step.added]
+    if not unnamed:
+        return ""
+    known = f"Named as causes: {listed(named)}" if named else "Nothing is named as the cause"
+    return f"{known}; {listed(unnamed)} stand{'s' if len(unnamed) == 1 else ''} for what predicts as well."
 
 
 def origin(found: Improvement, cited: str) -> str:
@@ -117,7 +131,7 @@ def origin(found: Improvement, cited: str) -> str:
 def stands_for(step: Step) -> str:
     """What the comment beside an effect says more."""
     if not step.stands_for:
-        return ""
+        return "; predicts better, the cause is open" if step.cause == "open" else ""
     return f"; stands for one of {', '.join(step.stands_for)}, which these data cannot tell apart"
 
 

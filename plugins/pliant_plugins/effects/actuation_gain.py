@@ -12,9 +12,12 @@ from __future__ import annotations
 from functools import partial
 from typing import Literal
 
+import numpy as np
+
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.history import History
 from pliant.units import Ratio
+from pliant_plugins.effects.pressures import full_scale
 
 
 class ActuationGainConfig(EffectConfig):
@@ -23,6 +26,8 @@ class ActuationGainConfig(EffectConfig):
     kind: Literal["actuation_gain"] = "actuation_gain"
     gain: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2))
     """true actuation / nominal"""
+    fading: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), role="form")
+    """share of the change that is gone at the largest pressure of the law"""
 
 
 class ActuationGain(Effect):
@@ -44,8 +49,17 @@ class ActuationGain(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs."""
-        return model.with_input(partial(_scaled, self.config.gain))
+        faded = self.config.fading / full_scale(model.chain)
+        return model.with_input(partial(_scaled, self.config.gain, faded))
 
 
-def _scaled(gain: float, history: History) -> History:
-    return history.with_actuation(**{name: gain * values for name, values in history.actuation.items()})
+def _scaled(gain: float, faded: float, history: History) -> History:
+    """`faded` is the share of the excess that is gone per unit of actuation."""
+    if faded == 0.0:
+        return history.with_actuation(**{name: gain * values for name, values in history.actuation.items()})
+    return history.with_actuation(
+        **{
+            name: values * (1.0 + (gain - 1.0) * (1.0 - faded * np.abs(values)))
+            for name, values in history.actuation.items()
+        }
+    )

@@ -18,7 +18,7 @@ import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
-from pliant.units import Angle
+from pliant.units import Angle, Ratio
 from pliant_plugins.effects.angles import with_recorded_angles
 
 
@@ -28,6 +28,8 @@ class BacklashConfig(EffectConfig):
     kind: Literal["backlash"] = "backlash"
     play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
     """clearance between joint and sensor, whole width"""
+    spread: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.6), role="form")
+    """of parts in a row with clearances of their own: how far three of them are from their mean"""
 
 
 class Backlash(Effect):
@@ -57,7 +59,17 @@ class Backlash(Effect):
         half = self.config.play_rad / 2
         if half == 0.0:
             return model
-        return model.with_output(partial(with_recorded_angles, change=partial(played, half)))
+        change = (
+            partial(_played_by_parts, half, self.config.spread)
+            if self.config.spread
+            else partial(played, half)
+        )
+        return model.with_output(partial(with_recorded_angles, change=change))
+
+
+def _played_by_parts(half: float, spread: float, angle: Array) -> Array:
+    """(t,) the mean of three plays of other widths: a reading that does not stand quite still after a reversal."""
+    return np.asarray(np.mean([played(half * (1.0 + k * spread), angle) for k in (-1, 0, 1)], axis=0))
 
 
 def played(half: float, angle: Array) -> Array:

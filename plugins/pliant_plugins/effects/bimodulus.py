@@ -13,8 +13,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import Field
-
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
@@ -27,7 +25,9 @@ class BimodulusConfig(EffectConfig):
     kind: Literal["bimodulus"] = "bimodulus"
     asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3))
     """(stiffness toward actuation − stiffness away from it) / their sum"""
-    width_rad: Angle = Field(default=0.02, gt=0.0, le=0.5)
+    width_rad: Angle = parameter(
+        neutral=0.02, bounds=(1e-6, 0.5), plausible=(0.005, 0.08), role="form", prior="log_normal"
+    )
     """angle over which one stiffness becomes the other, per joint"""
 
 

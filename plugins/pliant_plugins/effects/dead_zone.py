@@ -3,7 +3,8 @@
     p' = sign(p) max(|p| − p₀, 0)
 
 for every pressure of the chain: a valve that sticks, a membrane or a fold that must open first (the dead zone of
-Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, with unit slopes).
+Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, with unit slopes). A corner
+of some width is the softplus w ln(1 + e^((|p| − p₀)/w)), less its value at zero.
 Tendon forces are left alone.
 """
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
-from pliant.units import Pressure
+from pliant.units import Pressure, Ratio
 from pliant_plugins.effects.pressures import needs_pressure, with_pressures
 
 
@@ -26,6 +27,8 @@ class DeadZoneConfig(EffectConfig):
     kind: Literal["dead_zone"] = "dead_zone"
     threshold_pa: Pressure = parameter(neutral=0.0, bounds=(0.0, 1e5), plausible=(100.0, 2e3))
     """pressure that is lost before anything moves"""
+    rounding: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
+    """width of the corner at the threshold, as a share of it"""
 
 
 class DeadZone(Effect):
@@ -49,8 +52,14 @@ class DeadZone(Effect):
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
-        return model.with_input(partial(with_pressures, change=partial(_above, self.config.threshold_pa)))
+        return model.with_input(
+            partial(with_pressures, change=partial(_above, self.config.threshold_pa, self.config.rounding))
+        )
 
 
-def _above(threshold: float, pressure: Array) -> Array:
+def _above(threshold: float, rounding: float, pressure: Array) -> Array:
+    if rounding * threshold > 0.0:
+        width = rounding * threshold
+        size = np.logaddexp(0.0, (np.abs(pressure) - threshold) / width) - np.logaddexp(0.0, -1.0 / rounding)
+        return np.asarray(np.sign(pressure) * width * size)
     return np.asarray(np.sign(pressure) * np.maximum(np.abs(pressure) - threshold, 0.0))

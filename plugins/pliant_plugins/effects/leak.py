@@ -21,13 +21,15 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
-from pliant_plugins.effects.pressures import needs_pressure
+from pliant_plugins.effects.pressures import full_scale, needs_pressure
+
+# Below this share of the law's largest pressure a power law is smooth.
+SMALL_SHARE = 1e-3
 
 
 class LeakConfig(EffectConfig):
@@ -36,8 +38,12 @@ class LeakConfig(EffectConfig):
     kind: Literal["leak"] = "leak"
     rate_1_s: float = parameter(unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1))
     """share of its pressure that a closed chamber loses, 1/s"""
-    filling_time_s: Time = Field(default=0.2, gt=0.0, le=60.0)
+    filling_time_s: Time = parameter(
+        neutral=0.2, bounds=(1e-6, 60.0), plausible=(0.05, 0.8), role="form", prior="log_normal"
+    )
     """time constant in which the supply fills the chamber"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(0.3, 2.0), plausible=(0.5, 1.5), role="form")
+    """power of the pressure with which gas leaves"""
 
 
 class Leak(Effect):
@@ -61,10 +67,12 @@ class Leak(Effect):
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
-        return model.with_input(partial(_leaking, self.config.rate_1_s, self.config.filling_time_s))
+        return model.with_input(partial(_leaking, self.config, full_scale(model.chain)))
 
 
-def _leaking(rate: float, filling_time: float, history: History) -> History:
+def _leaking(config: LeakConfig, full: float, history: History) -> History:
+    """`full`: the pressure at which the rate is the stated one, whatever the power."""
+    rate, filling_time = config.rate_1_s, config.filling_time_s
     if rate == 0.0:
         return history
     valve = np.ones(len(history)) if history.valve_open is None else history.valve_open
@@ -74,16 +82,21 @@ def _leaking(rate: float, filling_time: float, history: History) -> History:
             left[name] = pressure / (1.0 + rate * filling_time)
         elif PRESSURE.fullmatch(name):
             assert history.time_s is not None
-            left[name] = pressure - _lacking(pressure, valve, np.diff(history.time_s), rate, filling_time)
+            left[name] = pressure - _lacking(pressure, valve, np.diff(history.time_s), config, full)
     return history.with_actuation(**left)
 
 
-def _lacking(pressure: Array, valve: Array, steps: Array, rate: float, filling_time: float) -> Array:
+def _lacking(pressure: Array, valve: Array, steps: Array, config: LeakConfig, full: float) -> Array:
     """d at the samples; plain floats, for a recurrence cannot be vectorised."""
+    filling_time, bent = config.filling_time_s, config.power != 1.0 and math.isfinite(full)
+    rate = config.rate_1_s
     lacking = [rate * filling_time / (1.0 + rate * filling_time) * float(pressure[0])]
     for k, step in enumerate(steps.tolist(), start=1):
         start, end = float(pressure[k - 1]), float(pressure[k])
         slope = (end - start) / step
+        if bent:  # the rate at the pressure that is there when the step begins
+            there = max(abs(start - lacking[-1]) / full, SMALL_SHARE)
+            rate = config.rate_1_s * there ** (config.power - 1.0)
         total = rate + (1.0 / filling_time if valve[k] != 0.0 else 0.0)
         share = rate / total
         settling = lacking[-1] - share * (start - slope / total)

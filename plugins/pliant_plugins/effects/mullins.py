@@ -5,7 +5,8 @@
 per joint: the pseudo-elastic softening of Ogden & Roxburgh (Proc. R. Soc. Lond. A 455, 1999,
 doi 10.1098/rspa.1999.0431, with r = 1/d), the joint's u²/2 standing for the strain energy. On the virgin
 curve, W = W_m, nothing is lost; below it the elastic part has lost at most the share d, and s says how far below
-the largest angle that takes. Rest does not heal it: the memory goes on from run to run of one specimen.
+the largest angle that takes. Other rubbers lose it
+sooner or later: erf(((W_m − W)/m)^n). Rest does not heal it: the memory goes on from run to run of one specimen.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ class MullinsConfig(EffectConfig):
         },
     )
     """angle over which the loss comes, per joint"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(0.3, 2.0), plausible=(0.5, 1.3), role="form")
+    """power of the energy below the largest, within erf"""
 
 
 class Mullins(Effect):
@@ -61,7 +64,7 @@ class Mullins(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more factor on the elastic part."""
-        parameters = (self.config.softening, self.config.scale_rad)
+        parameters = (self.config.softening, self.config.scale_rad, self.config.power)
         term = LawTerm("elastic", _factor, parameters, n_states=1, keeps=True, needs_time=True)
         return model.with_term(term)
 
@@ -72,4 +75,6 @@ def _factor(
     largest = max(old[0], abs(angle))
     new[0] = largest
     below = (largest * largest - angle * angle) / (c[1] * c[1])
+    if c[2] != 1.0:
+        below = math.exp(c[2] * math.log(below)) if below > 0.0 else 0.0
     return 1.0 - c[0] * math.erf(below)

@@ -10,12 +10,14 @@ softer by that share too. Rest does not heal the set: the memory goes on from ru
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
+from pliant_plugins.effects.factors import TYPICAL_RAD
 
 
 class PermanentSetConfig(EffectConfig):
@@ -24,6 +26,8 @@ class PermanentSetConfig(EffectConfig):
     kind: Literal["permanent_set"] = "permanent_set"
     share: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.6), plausible=(0.01, 0.15))
     """angle that stays / largest past angle"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(0.5, 3.0), plausible=(0.7, 2.0), role="form")
+    """power of the largest angle with which the set grows"""
 
 
 class PermanentSet(Effect):
@@ -46,7 +50,9 @@ class PermanentSet(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with a rest angle that moves."""
-        term = LawTerm("rest", _rest, (self.config.share,), n_states=2, keeps=True, needs_time=True)
+        term = LawTerm(
+            "rest", _rest, (self.config.share, self.config.power), n_states=2, keeps=True, needs_time=True
+        )
         return model.with_term(term)
 
 
@@ -55,4 +61,8 @@ def _rest(
 ) -> float:
     new[0] = max(old[0], angle)
     new[1] = min(old[1], angle)
-    return c[0] * (new[0] + new[1])
+    if c[1] == 1.0:
+        return c[0] * (new[0] + new[1])
+    up = math.exp(c[1] * math.log(new[0] / TYPICAL_RAD)) if new[0] > 0.0 else 0.0
+    down = math.exp(c[1] * math.log(-new[1] / TYPICAL_RAD)) if new[1] < 0.0 else 0.0
+    return c[0] * TYPICAL_RAD * (up - down)

@@ -9,12 +9,14 @@ model). Tendon forces are left alone.
 from __future__ import annotations
 
 from functools import partial
-from operator import add
 from typing import Literal
 
+import numpy as np
+
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
-from pliant.units import Pressure
-from pliant_plugins.effects.pressures import needs_pressure, with_pressures
+from pliant.records.design import Array
+from pliant.units import Pressure, Ratio
+from pliant_plugins.effects.pressures import full_scale, needs_pressure, with_pressures
 
 
 class PressureOffsetConfig(EffectConfig):
@@ -23,6 +25,8 @@ class PressureOffsetConfig(EffectConfig):
     kind: Literal["pressure_offset"] = "pressure_offset"
     offset_pa: Pressure = parameter(neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3))
     """acting − commanded pressure"""
+    fading: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), role="form")
+    """share of the change that is gone at the largest pressure of the law"""
 
 
 class PressureOffset(Effect):
@@ -46,4 +50,11 @@ class PressureOffset(Effect):
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
-        return model.with_input(partial(with_pressures, change=partial(add, self.config.offset_pa)))
+        faded = self.config.fading / full_scale(model.chain)
+        shift = partial(_shifted, self.config.offset_pa, faded)
+        return model.with_input(partial(with_pressures, change=shift))
+
+
+def _shifted(offset: float, faded: float, pressure: Array) -> Array:
+    """`faded` is the share of the offset that is gone per Pa."""
+    return pressure + offset * (1.0 - faded * np.abs(pressure))

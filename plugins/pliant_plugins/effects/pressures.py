@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from pliant.errors import ImpossibleEffectError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -17,6 +19,11 @@ def needs_pressure(kind: str, chain: ChainModel) -> None:
         raise ImpossibleEffectError(
             f"effect '{kind}' needs a pressure, and the chain is actuated by {', '.join(names)}"
         )
+
+
+def full_scale(chain: ChainModel) -> float:
+    """The largest actuation that the chain's laws know, Pa or N; infinite without a domain."""
+    return max(float(np.max(np.abs(law.domain.actuation))) for law in chain.laws)
 
 
 def with_pressures(history: History, change: Callable[[Array], Array]) -> History:

@@ -3,18 +3,21 @@
     M = −k max(u − u_c, 0),      k = c k₀
 
 per joint, on the side toward which actuation bends it: folds of a bellow or neighbouring chambers that meet (penalty
-contact: Wriggers, Computational Contact Mechanics, 2006). k is stated in stiffnesses at rest k₀. The angle
+contact: Wriggers, Computational Contact Mechanics, 2006). Rounded walls touch
+with M = −k û (max(u − u_c, 0)/û)^n, û = 0.1 rad. k is stated in stiffnesses at rest k₀. The angle
 u_c is bounded away from zero: contact from the start would be a stiffness.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
+from pliant_plugins.effects.factors import DEPTH_RAD
 from pliant_plugins.effects.scale import rest_stiffness
 
 
@@ -33,6 +36,8 @@ class SelfContactConfig(EffectConfig):
         simpler={0.05: "walls touch from the start: a stiffness is enough"},
     )
     """angle at which walls touch, per joint"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(1.0, 3.0), plausible=(1.0, 2.0), role="form")
+    """power of the depth with which the moment grows"""
 
 
 class SelfContact(Effect):
@@ -56,10 +61,15 @@ class SelfContact(Effect):
     def apply(self, model: Model) -> Model:
         """The model with contact in every joint. Raises `UserError` for a law that is not stiff at rest."""
         stiffness = self.config.stiffening * rest_stiffness(model.chain)
-        return model.with_term(LawTerm("moment", _moment, (stiffness, self.config.contact_rad)))
+        return model.with_term(
+            LawTerm("moment", _moment, (stiffness, self.config.contact_rad, self.config.power))
+        )
 
 
 def _moment(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    return -c[0] * max(angle - c[1], 0.0)
+    depth = max(angle - c[1], 0.0)
+    if c[2] == 1.0 or depth == 0.0:
+        return -c[0] * depth
+    return -c[0] * DEPTH_RAD * math.exp(c[2] * math.log(depth / DEPTH_RAD))

@@ -17,7 +17,7 @@ import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Readings, parameter
 from pliant.records.design import Array
-from pliant.units import Time
+from pliant.units import Ratio, Time
 from pliant_plugins.effects.angles import with_recorded_angles
 from pliant_plugins.effects.lag import lagged
 
@@ -28,6 +28,10 @@ class SensorLagConfig(EffectConfig):
     kind: Literal["sensor_lag"] = "sensor_lag"
     time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
     """time constant of the sensor's first-order lag"""
+    second_ratio: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
+    """time constant of a second lag behind it, as a share of the first"""
+    delay_s: Time = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.0, 0.3), role="form")
+    """by which the record is late in all"""
 
 
 class SensorLag(Effect):
@@ -52,15 +56,21 @@ class SensorLag(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; where no angle is read over time it changes nothing."""
-        return model.with_output(partial(_delayed, self.config.time_s))
+        return model.with_output(partial(_delayed, self.config))
 
 
-def _delayed(constant_s: float, readings: Readings) -> Readings:
-    time_s = readings.get("time_s")
-    if constant_s == 0.0 or not isinstance(time_s, np.ndarray) or time_s.ndim != 1:
+def _delayed(config: SensorLagConfig, readings: Readings) -> Readings:
+    time_s, constant_s = readings.get("time_s"), config.time_s
+    if constant_s == config.delay_s == 0.0 or not isinstance(time_s, np.ndarray) or time_s.ndim != 1:
         return readings
 
     def late(angle: Array) -> Array:
-        return lagged(angle, time_s, constant_s) if len(angle) == len(time_s) else angle
+        if len(angle) != len(time_s):
+            return angle
+        if config.delay_s:
+            angle = np.interp(time_s - config.delay_s, time_s, angle)
+        for lag_s in (constant_s, config.second_ratio * constant_s):
+            angle = lagged(angle, time_s, lag_s) if lag_s else angle
+        return angle
 
     return with_recorded_angles(readings, late)

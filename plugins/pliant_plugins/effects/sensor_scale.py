@@ -10,8 +10,7 @@ gain of a linear transducer model). The chain, its markers and its efforts stay 
 from __future__ import annotations
 
 from functools import partial
-from operator import mul
-from typing import Literal
+from typing import Any, Literal
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.units import Ratio
@@ -24,6 +23,10 @@ class SensorScaleConfig(EffectConfig):
     kind: Literal["sensor_scale"] = "sensor_scale"
     excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1))
     """reading / true angle − 1"""
+    curvature_per_rad: float = parameter(
+        unit="rad^-1", neutral=0.0, bounds=(-1.0, 2.0), plausible=(-0.4, 0.4), role="form"
+    )
+    """by how much of itself the excess grows per radian"""
 
 
 class SensorScale(Effect):
@@ -46,4 +49,9 @@ class SensorScale(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; where no angle is read it changes nothing."""
-        return model.with_output(partial(with_angles, change=partial(mul, 1.0 + self.config.excess)))
+        change = partial(_scaled, self.config.excess, self.config.curvature_per_rad)
+        return model.with_output(partial(with_angles, change=change))
+
+
+def _scaled(excess: float, curvature: float, angle: Any) -> Any:
+    return angle * (1.0 + excess * (1.0 + curvature * abs(angle)))

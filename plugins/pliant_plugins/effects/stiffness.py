@@ -4,17 +4,21 @@
 
 The effort is split as in the reference study (Yao, Howard, Maiolino, doi 10.1002/aisy.70406) into an
 elastic part, which is all that is left at p = 0, and an actuation part; the modulus of the material
-scales the first.
+scales the first. A change that is not the same at every angle is f(u) = 1 + (f − 1) (|u|/û)^a, û = 0.2 rad.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
-from pliant_plugins.effects.factors import constant_factor
+from pliant_plugins.effects.factors import SMALL_RAD, TYPICAL_RAD, constant_factor
+
+LEAST_FACTOR = 0.02
 
 
 class StiffnessConfig(EffectConfig):
@@ -23,6 +27,10 @@ class StiffnessConfig(EffectConfig):
     kind: Literal["stiffness"] = "stiffness"
     factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4))
     """true passive stiffness / model's"""
+    angle_power: float = parameter(
+        unit="1", neutral=0.0, bounds=(-0.3, 1.0), plausible=(-0.25, 0.25), role="form"
+    )
+    """power of the angle with which the change grows"""
 
 
 class Stiffness(Effect):
@@ -45,4 +53,13 @@ class Stiffness(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more factor on the elastic part."""
-        return model.with_term(LawTerm("elastic", constant_factor, (self.config.factor,)))
+        if self.config.angle_power == 0.0:
+            return model.with_term(LawTerm("elastic", constant_factor, (self.config.factor,)))
+        return model.with_term(LawTerm("elastic", _factor, (self.config.factor, self.config.angle_power)))
+
+
+def _factor(
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
+) -> float:
+    size = max(abs(angle), SMALL_RAD) / TYPICAL_RAD
+    return max(1.0 + (c[0] - 1.0) * math.exp(c[1] * math.log(size)), LEAST_FACTOR)

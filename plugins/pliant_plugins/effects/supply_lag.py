@@ -7,7 +7,9 @@ for every input of the chain: y is the pressure behind the regulator, p that of 
 volume is filled through a resistance and lags to first order, as a resistor charges a capacitor (Beater, Pneumatic
 Drives, 2007: charging and discharging a volume through a resistance). Air leaves the regulator by another way than it
 comes, with less pressure behind it, so venting has its own time, r = `vent_ratio` times that of filling. A hose is the
-same both ways: the second stage has one time, q = `second_ratio` times that of the first one's filling.
+same both ways: the second stage has one time, q = `second_ratio` times that of the first one's filling. Where the first
+flows through an orifice, T y' = sign(p_c − y) p̂ (|p_c − y|/p̂)^n with p̂ the law's largest pressure and n = 1/2 where it
+is turbulent; what is late in all, a slow valve or a clock that started late, is a delay before both.
 
 The commanded p_c is a straight line of slope s between samples, for which the solution over a step h is exact at any
 step. Of the first stage, with a change from venting to filling within the step (`lag.py`),
@@ -20,6 +22,7 @@ what they have. Data without times are states reached slowly, and have no lag.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Literal
 
@@ -30,7 +33,8 @@ from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, p
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.lag import accumulated, distances_of
+from pliant_plugins.effects.lag import accumulated, distances_of, lagged
+from pliant_plugins.effects.pressures import full_scale
 
 
 class SupplyLagConfig(EffectConfig):
@@ -57,6 +61,10 @@ class SupplyLagConfig(EffectConfig):
         simpler={0.01: "one volume is enough", 1.0: "both volumes are as slow"},
     )
     """time constant of the second stage over that of the first, filling"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(0.4, 1.5), plausible=(0.5, 1.2), role="form")
+    """power of the pressure's difference with which the first stage flows: 1/2 through an orifice"""
+    delay_s: Time = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.0, 0.3), role="form")
+    """by which everything sets in late"""
 
 
 class SupplyLag(Effect):
@@ -80,20 +88,61 @@ class SupplyLag(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs."""
-        return model.with_input(partial(_delayed, self.config))
+        return model.with_input(partial(_delayed, self.config, full_scale(model.chain)))
 
 
-def _delayed(config: SupplyLagConfig, history: History) -> History:
+def _delayed(config: SupplyLagConfig, full: float, history: History) -> History:
+    """`full`: the difference at which the first stage flows as fast as a linear one, whatever the power."""
     time_s, filling_s = history.time_s, config.time_s
-    if time_s is None or filling_s == 0.0:
+    if time_s is None or filling_s == config.delay_s == 0.0:
+        return history
+    if config.delay_s:
+        sooner = time_s - config.delay_s
+        history = history.with_actuation(
+            **{name: np.interp(sooner, time_s, values) for name, values in history.actuation.items()}
+        )
+    if filling_s == 0.0:
         return history
     times_s, second_s = (filling_s, config.vent_ratio * filling_s), config.second_ratio * filling_s
     open_ = np.ones(len(history) - 1, bool) if history.valve_open is None else history.valve_open[1:] != 0.0
-    late = {
-        name: lagged_twice(values, time_s, times_s, second_s, open_ if PRESSURE.fullmatch(name) else None)
-        for name, values in history.actuation.items()
-    }
+    late = {}
+    for name, values in history.actuation.items():
+        flows = open_ if PRESSURE.fullmatch(name) else None
+        if config.power == 1.0:
+            late[name] = lagged_twice(values, time_s, times_s, second_s, flows)
+        else:
+            scale = full if np.isfinite(full) else float(np.abs(values).max()) or 1.0
+            first = through_orifice(values / scale, time_s, times_s, config.power, flows) * scale
+            late[name] = lagged(first, time_s, second_s, flows)
     return history.with_actuation(**late)
+
+
+def through_orifice(
+    values: Array,
+    time_s: Array,
+    times_s: tuple[float, float],
+    power: float,
+    flows: NDArray[np.bool_] | None = None,
+) -> Array:
+    """(t,) y with T y' = sign(u − y) |u − y|^n of `values` u (t,), numbers of order 1, from balance.
+
+    Over a step u stands at its middle, for which the solution is exact,
+
+        |y − u|^(1−n) (t + h) = |y − u|^(1−n) (t) − (1 − n) h / T,
+
+    and nothing is left once the right side is negative: of second order in the step. `times_s` are T while y rises and
+    while it falls.
+    """
+    y, found, rest = float(values[0]), [float(values[0])], 1.0 - power
+    middle = (0.5 * (values[1:] + values[:-1])).tolist()
+    running = [True] * len(middle) if flows is None else flows.tolist()
+    for u, step, runs in zip(middle, np.diff(time_s).tolist(), running, strict=True):
+        gap = y - u
+        if runs and gap != 0.0:
+            left = abs(gap) ** rest - rest * step / times_s[gap > 0.0]
+            y = u + math.copysign(left ** (1.0 / rest) if left > 0.0 else 0.0, gap)
+        found.append(y)
+    return np.array(found)
 
 
 def lagged_twice(

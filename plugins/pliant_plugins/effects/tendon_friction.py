@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import Field
-
 from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import ChainModel
@@ -35,9 +33,11 @@ class TendonFrictionConfig(EffectConfig):
     kind: Literal["tendon_friction"] = "tendon_friction"
     friction: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.5), plausible=(0.05, 0.4))
     """coefficient of friction of the tendon in its guides"""
-    wrap_at_rest_rad: Angle = Field(default=0.0, ge=0.0, le=3.2)
+    wrap_at_rest_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 3.2), plausible=(0.0, 0.2), role="form")
     """angle by which the tendon bends in each joint at rest"""
-    break_away_rad: Angle = Field(default=0.01, ge=0.002, le=0.05)
+    break_away_rad: Angle = parameter(
+        neutral=0.01, bounds=(0.002, 0.05), plausible=(0.004, 0.03), role="form", prior="log_normal"
+    )
     """angle of a joint in which friction turns over"""
 
 

@@ -25,6 +25,10 @@ class ThermalSofteningConfig(EffectConfig):
     kind: Literal["thermal_softening"] = "thermal_softening"
     loss_per_k: float = parameter(unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.003, 0.01))
     """share of the stiffness lost per kelvin, 1/K"""
+    curvature_per_k: float = parameter(
+        unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.01, 0.01), role="form"
+    )
+    """share of the loss that is gone per kelvin away from T_ref, 1/K"""
 
 
 class ThermalSoftening(Effect):
@@ -46,11 +50,13 @@ class ThermalSoftening(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more factor on the elastic part."""
-        return model.with_term(LawTerm("elastic", _factor, (self.config.loss_per_k,)))
+        return model.with_term(
+            LawTerm("elastic", _factor, (self.config.loss_per_k, self.config.curvature_per_k))
+        )
 
 
 def _factor(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     warmer = temp_c - REFERENCE_TEMPERATURE_C
-    return max(1.0 - c[0] * warmer, LEAST_FACTOR)
+    return max(1.0 - c[0] * warmer * (1.0 - c[1] * warmer), LEAST_FACTOR)

@@ -10,8 +10,9 @@ Int. J. Numer. Meth. Eng. 2, 1970):
 
     h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δu
 
-A state that is reached slowly has h = 0. T is bounded away from the sampling step, where the branch would be a
-dashpot, and from infinity, where it would be a spring.
+A material with several times has three branches of g/3, of T/s, T and s T. A state that is reached slowly has h = 0.
+T is bounded away from the sampling step, where the branch would be a dashpot, and from infinity, where it would be a
+spring.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ class ViscoelasticConfig(EffectConfig):
         simpler={1.0: "it relaxes within a second: viscous_damping is enough"},
     )
     """time constant in which it relaxes"""
+    spread: Ratio = parameter(neutral=1.0, bounds=(1.0, 12.0), plausible=(1.0, 5.0), role="form")
+    """with more than one time constant: ratio of each of three to the next"""
 
 
 class Viscoelastic(Effect):
@@ -64,17 +67,23 @@ class Viscoelastic(Effect):
     def apply(self, model: Model) -> Model:
         """The model with one more branch. Raises `UserError` for a law that is not stiff at rest."""
         stiffness = self.config.share * rest_stiffness(model.chain)
-        parameters = (stiffness, self.config.time_s)
-        return model.with_term(LawTerm("moment", _moment, parameters, n_states=1, needs_time=True))
+        parameters = (stiffness, self.config.time_s, self.config.spread)
+        return model.with_term(LawTerm("moment", _moment, parameters, n_states=3, needs_time=True))
 
 
 def _moment(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     if math.isinf(dt_s):
-        new[0] = 0.0
+        new[0] = new[1] = new[2] = 0.0
         return 0.0
-    steps = dt_s / c[1]
-    mean_decay = -math.expm1(-steps) / steps if steps > 1e-12 else 1.0
-    new[0] = math.exp(-steps) * old[0] + mean_decay * rate * dt_s
-    return -c[0] * new[0]
+    total = 0.0
+    for k in range(3):
+        if k and c[2] == 1.0:  # one time: the other branches are the first one
+            new[k] = new[0]
+        else:
+            steps = dt_s / (c[1] * (1.0, c[2], 1.0 / c[2])[k])
+            mean_decay = -math.expm1(-steps) / steps if steps > 1e-12 else 1.0
+            new[k] = math.exp(-steps) * old[k] + mean_decay * rate * dt_s
+        total += new[k]
+    return -c[0] * total / 3.0

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
-
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
@@ -29,9 +27,13 @@ class WallThicknessConfig(EffectConfig):
     kind: Literal["wall_thickness"] = "wall_thickness"
     ratio: Ratio = parameter(neutral=1.0, bounds=(0.5, 2.0), plausible=(0.85, 1.15))
     """true thickness of the walls / nominal"""
-    elastic_exponent: float = Field(default=2.15, ge=0.0, le=4.0)
+    elastic_exponent: float = parameter(
+        unit="1", neutral=2.15, bounds=(0.0, 4.0), plausible=(1.6, 2.7), role="form"
+    )
     """a: the elastic part grows as thickness^a"""
-    actuation_exponent: float = Field(default=0.33, ge=-4.0, le=4.0)
+    actuation_exponent: float = parameter(
+        unit="1", neutral=0.33, bounds=(-4.0, 4.0), plausible=(0.1, 0.6), role="form"
+    )
     """b: the actuation part grows as thickness^b"""
 
 

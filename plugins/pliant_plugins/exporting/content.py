@@ -20,8 +20,9 @@ def stiffness_at_rest(chain: ChainModel) -> Array:
     """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
     a = len(chain.axes)
     of_law = [law.evaluate(np.zeros(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
-    squares = sum(actuator.sign**2 for actuator in chain.actuators)
-    return np.array([-squares * of_law[joint.law] for joint in chain.joints])
+    turns = [actuator.turn(a) for actuator in chain.actuators]
+    together = [-sum(turn @ slope @ turn.T for turn in turns) for slope in of_law]
+    return np.array([together[joint.law] for joint in chain.joints])
 
 
 class SurfaceFiles:

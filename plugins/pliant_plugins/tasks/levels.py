@@ -135,7 +135,7 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
         law = chain.laws[joint.law]
         box = law.domain.deformation
         for actuator in chain.actuators:
-            excess = law.domain.excess(np.zeros(1), actuator.sign * q[None])[0, 1:]
+            excess = law.domain.excess(np.zeros(1), q[None] @ actuator.turn(len(q)))[0, 1:]
             far = np.abs(excess) / np.ptp(box, axis=1)
             if far.max() > FAR_WIDTHS:
                 return f"is held by no data: joint {number} stands {100 * far.max():.0f} % of its law's range outside"

@@ -145,14 +145,14 @@ class CompiledLaws:
 
     @staticmethod
     def of(chain: ChainModel) -> CompiledLaws | None:
-        """The laws of a chain; None where one of them has no scalar form.
+        """The laws of a chain; None where one of them has no scalar form, or an actuator is turned about the axis.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
         """
         scalars = [law.scalar() for law in chain.laws]
         known = [scalar for scalar in scalars if scalar is not None]
-        if len(known) < len(scalars):
+        if len(known) < len(scalars) or any(actuator.rotation_rad for actuator in chain.actuators):
             return None
         ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
         spans = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64)

@@ -167,8 +167,8 @@ class PublishedSimulation(BulletSimulation):
             for axis in range(a):
                 for actuator in self.chain.actuators:
                     pressure = np.array([loads.actuation[actuator.input]])
-                    effort = law.evaluate(pressure, actuator.sign * q[i : i + 1])
-                    tau[i, axis] += actuator.sign * effort.tau[0, axis]
+                    turn = actuator.turn(a)
+                    tau[i, axis] += turn[axis] @ law.evaluate(pressure, q[i : i + 1] @ turn).tau[0]
         tau[:, self._geometry.main] -= loads.moment_n_m
         return tau
 

@@ -1,0 +1,114 @@
+"""A joint that the bench holds: its coordinate is imposed, and the effort with which it pushes back is read.
+
+    u(t) given,   M(t) = τ'(p(t), u(t), history)
+
+τ' is the law's effort with all law terms (`JointEfforts`), their memory carried along the imposed path: no equilibrium
+is sought. A tensile tester and a fixture that blocks an actuator work so. As in every history a run begins at rest, its
+first sample is reached slowly, and what does not heal goes on from the runs of the same specimen before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.mechanics.terms import Contribution, LawTerms, TermMemory
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import History
+
+# Imposed coordinate → the effort that is read, by the kind of joint.
+HELD = {"prismatic": "held_elongation_strain", "revolute": "held_angle_rad"}
+BLOCKED = {"prismatic": "blocked_force_n", "revolute": "blocked_moment_n_m"}
+
+
+def is_held(history: History) -> bool:
+    """Whether the bench imposes the joint's coordinate in this run."""
+    return any(name in history.actuation for name in HELD.values())
+
+
+def imposed(chain: ChainModel, histories: Sequence[History]) -> list[Array]:
+    """(t,) the coordinate of the one joint in each run, rad or m.
+
+    Raises:
+        UserError: a chain of several joints or axes, a run that does not hold it, or the other kind of joint.
+    """
+    joint = chain.laws[0].joint
+    if chain.n_joints != 1 or joint not in HELD:
+        raise UserError(
+            f"held_angle_rad and held_elongation_strain hold one joint, and this chain has {chain.n_joints} "
+            f"{joint} joints: give it 'modules: 1' with a hinge or a slide."
+        )
+    name, scale = HELD[joint], chain.length_m if joint == "prismatic" else 1.0
+    free = [history.run for history in histories if name not in history.actuation]
+    if free:
+        raise UserError(
+            f"run '{free[0]}' has no {name}: the {joint} joint is held in all runs of a file, or in none."
+        )
+    return [scale * history.actuation[name] for history in histories]
+
+
+def without_held(chain: ChainModel, history: History) -> History:
+    """The run's inputs of the chain alone; those that a bench without supply does not record are 0."""
+    given = {name: values for name, values in history.actuation.items() if name not in HELD.values()}
+    idle = {a.input: np.zeros(len(history)) for a in chain.actuators if a.input not in given}
+    return replace(history, actuation={**given, **idle})
+
+
+def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequence[Array]) -> list[Array]:
+    """(t,) τ of the one joint of a chain along imposed coordinates (t,), N·m or N.
+
+    Args:
+        chain: with its law terms.
+        histories: inputs and conditions that reach the chain, runs of a specimen in their order.
+        paths: see `imposed`.
+    """
+    terms = LawTerms(chain.terms, (1, 1))
+    kept = np.array([term.keeps for term in chain.terms for _ in range(term.n_states)], bool)
+    damage: dict[str, Array] = {}
+    found = []
+    for history, path in zip(histories, paths, strict=True):
+        memory = terms.rested()
+        memory.states[:, :, kept] = damage.get(history.specimen, 0.0)
+        parts, memory = _along(terms, chain, history, path, memory)
+        damage[history.specimen] = memory.states[:, :, kept]
+        found.append(_combined(chain, history.actuation, path, parts))
+    return found
+
+
+def _along(
+    terms: LawTerms, chain: ChainModel, history: History, path: Array, memory: TermMemory
+) -> tuple[Contribution, TermMemory]:
+    """The terms' values (t,) sample by sample, and their memory at the end."""
+    steps = np.full(len(path), math.inf)
+    if history.time_s is not None:
+        steps[1:] = np.diff(history.time_s)
+    net = np.sum([a.sign * history.actuation[a.input] for a in chain.actuators], axis=0)
+    values = np.zeros((4, len(path)))
+    values[1:3] = 1.0
+    for k, at in enumerate(path if terms.terms else ()):
+        memory = replace(memory, dt_s=float(steps[k]), temperature_c=float(history.temperature_c[k]))
+        now, memory = terms.step(np.array([[at]]), float(net[k]), memory)
+        values[:, k] = now.moment[0, 0], now.elastic[0, 0], now.actuation[0, 0], now.rest[0, 0]
+    return Contribution(*values), memory
+
+
+def _combined(chain: ChainModel, actuation: Mapping[str, Array], path: Array, parts: Contribution) -> Array:
+    """τ' (t,) = Π f_elastic · E(u − Σ rest) + Π f_actuation · A(p, u) + Σ moment, as `LawTerm` has it."""
+    law = chain.laws[chain.joints[0].law]
+    total = np.array(parts.moment)
+    none = np.zeros(len(path))
+    for actuator in chain.actuators:
+        s = actuator.sign
+
+        def tau(pressure: Array, u: Array, s: float = s) -> Array:
+            return s * law.evaluate(pressure, s * u[:, None]).tau[:, 0]
+
+        straight = tau(none, path)
+        total += parts.elastic * tau(none, path - parts.rest)
+        total += parts.actuation * (tau(actuation[actuator.input], path) - straight)
+    return total

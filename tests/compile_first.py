@@ -1,0 +1,58 @@
+"""Machine code that many tests run, compiled before they start: otherwise every worker of theirs compiles it.
+
+    python -m tests.compile_first
+
+Two processes share the work. What stands in numba's cache already is not compiled again.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel
+from pliant.records.history import History
+from pliant.registry.discovery import discover
+from pliant.testing.samples import coupled_law, module_table_of, sample_chain, softening_law, table_of
+
+PRESSURES = {"pressure_pa": np.array([1e3, 2e3])}
+
+
+def built(interface: str, kind: str) -> Any:
+    component = discover().get(interface, kind)
+    return component.build(component.config_model()(kind=kind))
+
+
+def bent_chain() -> ChainModel:
+    """With the law that most studies have."""
+    return sample_chain(built("surrogate", "polynomial").fit(table_of(softening_law())).law, modules=2)
+
+
+def settled() -> None:
+    """Equilibria of chains, and the law of coupled axes."""
+    engine: PhysicsBackend = built("physics", "quasistatic")
+    with engine.build(bent_chain()) as simulation:
+        simulation.settle()
+    data = module_table_of(coupled_law())
+    built("surrogate", "polynomial").fit_module(data).law.evaluate(data.actuation, data.deformation)
+
+
+def followed() -> None:
+    """Paths of the quasi-static engine."""
+    built("physics", "quasistatic").follow(bent_chain(), [History.of(PRESSURES)])
+
+
+def moved() -> None:
+    """MuJoCo driven by a law, where it is installed."""
+    if discover().get("physics", "mujoco").missing() is None:
+        built("physics", "mujoco").follow(bent_chain(), [History.of(PRESSURES, np.array([0.0, 0.01]))])
+
+
+if __name__ == "__main__":
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        for done in [pool.submit(job) for job in (settled, followed, moved)]:
+            done.result()
