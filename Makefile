@@ -85,9 +85,10 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 	$(BIN)/python -m benchmarks.grasp.holding
 	$(BIN)/python -m benchmarks.grasp.experiment
 
-bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most two hours on two cores, resumable
-	$(BIN)/python benchmarks/evidence/run_bench.py
+bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, diagnosed and judged; resumable
+	$(BIN)/python -m benchmarks.evidence.run_bench --sealed
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.speed
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.coverage
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
 	$(BIN)/python -m benchmarks.real.two_bellow

@@ -59,7 +59,10 @@ def facts(component: Component) -> list[str]:
     """Paragraphs of an effect's page: where it acts, its parameters, what gives it away, how and where it shows."""
     effect: type[Effect] = component.implementation_class()
     notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
-    rows = [_row(p, config.model_fields[p.name].description or "") for p in config.fit_parameters()]
+    rows = [
+        _row(p, config.model_fields[p.name].description or "")
+        for p in (*config.fit_parameters(), *config.form_parameters())
+    ]
     where = [f"**Makes sense for** {notes.where}"] if notes.where else []
     return [
         f"It acts {PLACES[effect.place]}.",

@@ -45,6 +45,13 @@ def _of(name: str, *either_sign: str, switch: Mapping[str, float] | None = None,
 
 
 FRICTIONLOSS = Form("MuJoCo's own", {"own": 1.0}, engines=("mujoco",), robots=("joint",))
+# Where friction falls with speed, a light joint with inertia sticks and slips in microseconds.
+LUGRE = Form(
+    "LuGre",
+    {"friction_shape": f.DAHL, "falls": 1.0},
+    {"friction_width": (0.015, 0.04), "friction_stribeck": (0.15, 0.35)},
+    engines=("functional",),
+)
 # Of each kind: the forms of the calibration split, and those of the judged one.
 FORMS: Mapping[str, tuple[tuple[Form, ...], tuple[Form, ...]]] = {
     "stiffness": (
@@ -185,12 +192,7 @@ FORMS: Mapping[str, tuple[tuple[Form, ...], tuple[Form, ...]]] = {
         ),
         (
             _of("Bouc-Wen", switch={"friction_shape": f.BOUC_WEN}, friction_width=(0.015, 0.04)),
-            _of(
-                "LuGre",
-                switch={"friction_shape": f.DAHL, "falls": 1.0},
-                friction_width=(0.015, 0.04),
-                friction_stribeck=(0.15, 0.35),
-            ),
+            LUGRE,
             FRICTIONLOSS,
         ),
     ),

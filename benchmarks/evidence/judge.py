@@ -1,7 +1,10 @@
 """What an answer is worth: right, right by class, ambiguous or wrong; and the statistics of many.
 
-`ambiguous` and `insufficient_data` are honest and never right. A false alarm is an answer to a clean set that says
-that something is missing: another verdict than nothing_missing, or `ambiguous` between effects without the plain model.
+`ambiguous` and `insufficient_data` are honest and never right. An answer may be a class (`selected_class`): it is
+right by class where it holds the truth, and never strictly. A wrong kind is named where an answer, or every member
+of its class, has an effect that is not hidden and not of a class with one that is. A false alarm is an answer to a
+clean set that says that something is missing: another verdict than nothing_missing, or `ambiguous` between effects
+without the plain model.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
 Z_95 = 1.959963984540054
 SNR_EDGES = (0.0, 0.75, 1.25, 2.0, 2.5, 3.5)
-RELIABILITY_BINS = 5
+RELIABILITY_BINS = 10
+ITS_CLASS, ANOTHER_CLASS = "its class", "another class"
 
 
 @dataclass(frozen=True)
@@ -32,9 +36,11 @@ class Judged:
 
     Attributes:
         mode: how it was asked: `diagnose`, `improve`, or what runs were added.
-        answer: the kinds that it names, joined by " + ", or its verdict.
-        outcome: right, ambiguous, wrong or error.
+        forms: the equations that were hidden, by name.
+        answer: the kinds that it names, joined by " + ", `ITS_CLASS`, `ANOTHER_CLASS`, or its verdict.
+        outcome: right, class, ambiguous, wrong or error.
         by_class: right, or right but for kinds that the answer declared indistinguishable (`right_by_class`).
+        wrong_kind: it names an effect that is not hidden, nor of a class with one that is.
         alarm: it says that something is missing.
         in_credible_set: the truth is among the hypotheses that hold 90 %; None without a set.
         top_probability, top_right: of the most probable hypothesis; None without one.
@@ -45,6 +51,7 @@ class Judged:
     group: str
     mode: str
     kind: str
+    forms: tuple[str, ...]
     engine: str
     robot: str
     protocol: str
@@ -53,6 +60,7 @@ class Judged:
     answer: str
     outcome: str
     by_class: bool
+    wrong_kind: bool
     alarm: bool
     in_credible_set: bool | None
     credible_size: int | None
@@ -64,6 +72,11 @@ class Judged:
     end_over_floor: float | None
     wall_s: float
     cpu_s: float
+
+    @property
+    def form(self) -> str:
+        """What was hidden, in one name."""
+        return " + ".join(self.forms)
 
     @property
     def is_right(self) -> bool:
@@ -86,7 +99,14 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
     credible = truth in names if names else None
     top = hypotheses[0] if hypotheses else None
     over = [step["rmse_over_floor"] for step in result.get("steps") or []]
+    group_of = _class(result)
+    held = any(one == truth for one in group_of)
     outcome = _outcome(kind, label["right"], verdict, selected)
+    if group_of and outcome != ERROR:
+        outcome = "class" if held else "wrong"
+    same = right_by_class(truth, verdict, selected, names, classes)
+    by_class = held if group_of else outcome == "right" or same
+    named = group_of or ([tuple(selected)] if verdict == "missing_effect" else [])
     squares = label.get("mean_squares")
     alarm = verdict not in ("nothing_missing", "insufficient_data", ERROR)
     if verdict == "ambiguous":
@@ -95,14 +115,16 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
         group=group,
         mode=mode,
         kind=kind,
+        forms=tuple(label.get("forms", ())),
         engine=label["engine"],
         robot=label["robot"],
         protocol=label["protocol"],
         snr=label["snr_reached"],
         excited=label["excited"],
-        answer=" + ".join(selected) if verdict == "missing_effect" else verdict,
+        answer=_answer(verdict, selected, group_of, held),
         outcome=outcome,
-        by_class=outcome == "right" or right_by_class(truth, verdict, selected, names, classes),
+        by_class=by_class,
+        wrong_kind=bool(named) and not held and all(_foreign(kinds, truth, classes) for kinds in named),
         alarm=alarm,
         in_credible_set=credible,
         credible_size=len(names) if names else None,
@@ -143,6 +165,25 @@ def right_by_class(
     if verdict == "missing_effect":
         return same(selected)
     return verdict == "ambiguous" and bool(credible) and all(same(kinds) for kinds in credible)
+
+
+def _class(result: dict[str, Any]) -> list[tuple[str, ...]]:
+    """What the answer is a class of: each member with what is missing beside it; empty where it is none."""
+    members, beside = result.get("selected_class") or [], result.get("beside_class") or []
+    return [tuple(sorted((*beside, one))) for one in members] if len(members) > 1 else []
+
+
+def _foreign(kinds: Sequence[str], truth: Sequence[str], classes: Sequence[frozenset[str]]) -> bool:
+    """One of the kinds is not hidden, nor of a class with one that is."""
+    return any(
+        kind not in truth and not any({kind, one} <= c for one in truth for c in classes) for kind in kinds
+    )
+
+
+def _answer(verdict: str, selected: Sequence[str], group_of: Sequence[Any], held: bool) -> str:
+    if group_of and verdict != ERROR:
+        return ITS_CLASS if held else ANOTHER_CLASS
+    return " + ".join(selected) if verdict == "missing_effect" else verdict
 
 
 def _kinds(hypothesis: Any) -> tuple[str, ...]:
@@ -202,10 +243,13 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
     clean, unknown = of.get("clean", []), of.get("unknown", [])
     alarms = partial(share, of=attrgetter("alarm"))
     single = [i for i in asked if i.group not in ("unknown", "weak", "pair")]
+    stated = [i for i in asked if i.excited]
     return {
         "n": len(items),
         "errors": sum(item.outcome == ERROR for item in items),
         "effects": both(effects),
+        "wrong_kind": share([i for i in items if i.mode != "improve"], attrgetter("wrong_kind")),
+        "class_answers": share(effects, lambda i: i.outcome == "class"),
         "effects_not_excited": sum(not item.excited for item in of.get("effect", [])),
         **{f"by_{name}": each(both, effects, name) for name in ("kind", "engine", "robot")},
         "by_snr": [
@@ -216,14 +260,17 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
         "poor": _poor([i for i in of.get("poor", []) if i.kind != CLEAN and i.excited]),
         "plan": each(_plan, [i for i in items if i.group == "plan"], "mode"),
         "false_alarms": alarms(clean),
-        "false_alarms_by_engine": each(alarms, clean, "engine"),
+        **{f"false_alarms_by_{name}": each(alarms, clean, name) for name in ("engine", "robot")},
         "clean_right": share(clean),
         "unknown": share(unknown),
         "unknown_by_form": each(share, unknown, "kind"),
+        "unknown_by_robot": each(share, unknown, "robot"),
+        "by_form": {kind: each(both, rows, "form") for kind, rows in _grouped(effects, "kind").items()},
+        **{name: _quick(of.get(name, [])) for name in ("midway", "coarse", "rod")},
         "pairs": both(pairs),
         "ambiguous": {g: share(rows, lambda i: i.outcome == "ambiguous") for g, rows in of.items()},
-        "credible_set": _credible(effects),
-        "calibration": reliability([item for item in asked if item.excited]),
+        "credible_set": _credible(stated),
+        "calibration": reliability(stated),
         "wall_s": _quantiles([i.wall_s for i in asked if i.outcome != ERROR]),
         "time": each(_time, items, "group"),
         "improve": _improve([item for item in items if item.group == "improve"]),
@@ -233,20 +280,34 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
 
 def each(of: Callable[[list[Judged]], Any], items: Iterable[Judged], attribute: str) -> dict[str, Any]:
     """A figure of the answers by the values of one of their attributes."""
+    return {name: of(rows) for name, rows in _grouped(items, attribute).items()}
+
+
+def _grouped(items: Iterable[Judged], attribute: str) -> dict[str, list[Judged]]:
     groups: dict[str, list[Judged]] = {}
     for item in items:
         groups.setdefault(getattr(item, attribute), []).append(item)
-    return {name: of(groups[name]) for name in sorted(groups)}
+    return {name: groups[name] for name in sorted(groups)}
 
 
 def both(items: Sequence[Judged]) -> dict[str, Any]:
-    """The strict share, and beside it `by_class`."""
-    return {**share(items), "by_class": share(items, attrgetter("by_class"))}
+    """The strict share, and beside it `by_class` and `wrong_kind`."""
+    return {**share(items), **{name: share(items, attrgetter(name)) for name in ("by_class", "wrong_kind")}}
 
 
 def _protocol(rows: Sequence[Judged]) -> dict[str, Any]:
     effects = both([i for i in rows if i.kind != CLEAN and i.excited])
     return {"effects": effects, "clean": share([i for i in rows if i.kind == CLEAN])}
+
+
+def _quick(items: Sequence[Judged]) -> dict[str, Any]:
+    clean = [i for i in items if i.kind == CLEAN]
+    effects = [i for i in items if i.kind != CLEAN and i.excited]
+    return {
+        **both(effects),
+        "alarms": share(clean, attrgetter("alarm")),
+        "by_kind": each(both, effects, "kind"),
+    }
 
 
 def _poor(items: Sequence[Judged]) -> dict[str, Any]:
@@ -282,29 +343,26 @@ def _credible(items: Sequence[Judged]) -> dict[str, Any]:
     sizes = [item.credible_size for item in stated if item.credible_size is not None]
     return {
         "coverage": share(stated, attrgetter("in_credible_set")),
-        "median_size": float(np.median(sizes)) if sizes else None,
+        "mean_size": float(np.mean(sizes)) if sizes else None,
     }
 
 
 def reliability(items: Sequence[Judged], bins: int = RELIABILITY_BINS) -> dict[str, Any]:
-    """Stated probability of the first hypothesis against the share of them that are true, in bins of equal mass.
+    """Stated probability of the first hypothesis against the share of them that are true, in bins of equal width.
 
-    `error` is the expected calibration error Σ n_b/n |stated − true| (Naeini et al., AAAI 2015); `brier` the mean of
-    (stated − true)² (Brier 1950).
+    `error` is the mean gap |stated − true|, weighted by the answers of each bin: the expected calibration error
+    (Naeini et al., AAAI 2015). `brier` is the mean of (stated − true)² (Brier 1950).
     """
-    cases = sorted(
-        ((i.top_probability, float(bool(i.top_right))) for i in items if i.top_probability is not None),
-    )
+    cases = [(i.top_probability, float(bool(i.top_right))) for i in items if i.top_probability is not None]
+    table = np.array(cases).reshape(-1, 2)
+    place = np.clip((table[:, 0] * bins).astype(int), 0, bins - 1)
     rows = []
-    for part in np.array_split(np.array(cases).reshape(-1, 2), bins):
+    for k in range(bins):
+        part = table[place == k]
         if len(part):
             right = int(part[:, 1].sum())
             low, high = wilson(right, len(part))
-            ends = {
-                "above": float(part[0, 0]),
-                "below": float(part[-1, 0]),
-                "stated": float(part[:, 0].mean()),
-            }
+            ends = {"above": k / bins, "below": (k + 1) / bins, "stated": float(part[:, 0].mean())}
             found = {"right": right, "n": len(part), "share": right / len(part), "low": low, "high": high}
             rows.append(ends | found)
     n = len(cases)

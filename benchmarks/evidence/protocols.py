@@ -6,6 +6,8 @@
 | `rich_noload` | 26 | 3698 | 20 | the same without the load steps |
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
+| `midway` | 30 | 3738 | 22 | as `rich`, but every recording begins in mid-transient, and some lack a stretch |
+| `coarse` | 12 | 848 | 6 | steps and cycles as quick as 0.2 s of lag, sampled at 2.5 Hz |
 | `example` | 16 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
 
 `rich` has, of each specimen: virgin, slow, fast, holds, ± load, horizontal, sideways, hot, load steps without pressure
@@ -16,16 +18,19 @@ they swing too slowly to stand still between samples, in every dynamic truth. Te
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from benchmarks.evidence.robots import JOINT, PEAK_TORQUE_N_M, PRESSURE_MAX_PA, Array, Robot
+from numpy.typing import NDArray
 
 SAMPLE_S, DENSE_S = 0.4, 0.02
 DENSE = "steps at 50 Hz"
 ROOM_C, HOT_C = 22.0, 52.0
 LOAD_N_M = 0.15 * PEAK_TORQUE_N_M
 LOAD_LEVELS = (0.0, 1.0, 0.0, -1.0, 0.6, 0.0)
+# Of a recording that begins in mid-transient: the share of the first rise before it, and the samples of a lost stretch.
+BEGUN, LOST = 0.4, 15
 Angles = tuple[float, float, float]
 
 
@@ -39,6 +44,7 @@ class Run:
         base_angles_rad: the base's turns about world x, y, z in that order.
         valve_open: 1 where the chambers are connected to the supply; None where they always are.
         second: the second sensor is read.
+        kept: (t,) of the samples that are recorded; None where all are.
     """
 
     condition: str
@@ -50,6 +56,7 @@ class Run:
     valve_open: Array | None = None
     second: bool = False
     time_s: Array = field(default_factory=lambda: np.empty(0))
+    kept: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if not len(self.time_s):
@@ -59,6 +66,15 @@ class Run:
     def valve(self) -> Array:
         """(t,) 1 open, 0 closed."""
         return np.ones(len(self)) if self.valve_open is None else self.valve_open
+
+    def recorded(self) -> Run:
+        """The run as it stands in its recording, whose clock starts with it."""
+        if self.kept is None:
+            return self
+        cut = {name: getattr(self, name)[self.kept] for name in ("pressure_pa", "moment_n_m", "time_s")}
+        cut["time_s"] = cut["time_s"] - cut["time_s"][0]
+        valve = None if self.valve_open is None else self.valve_open[self.kept]
+        return replace(self, **cut, valve_open=valve, kept=None)
 
     @property
     def seconds(self) -> float:
@@ -170,12 +186,42 @@ def _example(specimen: str) -> list[Run]:
     return [*_unloaded(specimen), loaded, *_load_steps(specimen), _medium(specimen)]
 
 
+def _begun(run: Run) -> Run:
+    """The same motion, recorded from within its first rise on; long runs also lack a stretch."""
+    course = np.abs(run.pressure_pa - run.pressure_pa[0]) / PRESSURE_MAX_PA
+    course += np.abs(run.moment_n_m - run.moment_n_m[0]) / LOAD_N_M
+    rising = np.diff(course) > 0
+    start = int(np.argmax(rising))
+    kept = np.ones(len(run), dtype=bool)
+    kept[: start + max(1, round(BEGUN * np.argmin(rising[start:])))] = False
+    if run.seconds > 40.0:
+        lost = round(0.45 * len(run))
+        kept[lost : lost + LOST] = False
+    return replace(run, kept=kept)
+
+
+def _coarse(specimen: str) -> list[Run]:
+    """Steps of 0.8 s and cycles of 4.8 and 3.2 s, at 2.5 Hz."""
+    quick = PRESSURE_MAX_PA * steps((0.6, 0.0, 1.0, 0.4, 0.8, 0.0), 4.0, rise_s=0.8)
+    load = LOAD_N_M * steps((1.0, -1.0, 0.5, 0.0), 4.0, rise_s=0.8)
+    return [
+        _free("quick steps", specimen, quick),
+        Run("quick load steps", specimen, np.full(len(load), 0.0), load),
+        _free("fast", specimen, triangles(4.8, [1.0] * 7)),
+        _free("faster", specimen, triangles(3.2, [0.8] * 10)),
+        _medium(specimen),
+        _free("quick steps", specimen, quick),
+    ]
+
+
 # The runs of each protocol, specimen by specimen.
 PROTOCOLS: dict[str, Callable[[], list[Run]]] = {
     "rich": lambda: [*_rich("A"), *_rich("B")],
     "rich_noload": lambda: [*_rich("A", False), *_rich("B", False)],
     "rates": lambda: _rates("A"),
     "poor": lambda: [_medium("A", 3) for _ in range(5)],
+    "midway": lambda: [_begun(run) for run in (*_rich("A"), *_rich("B"))],
+    "coarse": lambda: [*_coarse("A"), *_coarse("B")],
     "example": lambda: [*_example("A"), *_example("B")],
 }
 NAMES = tuple(PROTOCOLS)

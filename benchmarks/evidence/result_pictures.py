@@ -10,6 +10,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from benchmarks.evidence.judge import ANOTHER_CLASS, ITS_CLASS
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 
 SHORT = {
@@ -25,7 +26,9 @@ VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", 
 
 
 def draw_all(data: dict[str, Any], folder: Path) -> None:
-    """Draw the three pictures as PNG files."""
+    """Draw the three pictures as PNG files; none where nothing was answered."""
+    if not data["n"]:
+        return
     folder.mkdir(parents=True, exist_ok=True)
     for draw in (confusion, reliability, strength):
         figure = draw(data)
@@ -38,7 +41,7 @@ def matrix(data: dict[str, Any]) -> tuple[list[str], list[str], np.ndarray]:
     groups = (data["confusion"].get(group, {}) for group in ("effect", "clean", "unknown"))
     rows = {kind: row for group in groups for kind, row in group.items()}
     hidden = [kind for kind in (*KINDS, CLEAN, *UNKNOWN) if kind in rows]
-    columns = [*KINDS, SEVERAL, *VERDICTS]
+    columns = [*KINDS, SEVERAL, ITS_CLASS, ANOTHER_CLASS, *VERDICTS]
     shares = np.zeros((len(hidden), len(columns)))
     for i, kind in enumerate(hidden):
         total = sum(rows[kind].values())
@@ -84,7 +87,7 @@ def reliability(data: dict[str, Any]) -> Any:
     words = "" if found["error"] is None else f"error {found['error']:.3f}, Brier score {found['brier']:.3f}"
     axis.set(xlabel="stated probability of the first hypothesis", ylabel="share that is true")
     axis.set(xlim=(0, 1.03), ylim=(0, 1.03))
-    axis.set_title(f"{found['n']} cases in bins of equal mass\n{words}", fontsize=10)
+    axis.set_title(f"{found['n']} answers in bins of equal width\n{words}", fontsize=10)
     return figure
 
 

@@ -1,13 +1,15 @@
 """Diagnose many hidden effects and count how often the answer is right.
 
-    python benchmarks/evidence/run_bench.py                    the whole bench, resumed where it stopped
-    python benchmarks/evidence/run_bench.py --small            a handful, for CI
-    python benchmarks/evidence/run_bench.py --seeds 3 --kinds mullins none
-    python benchmarks/evidence/run_bench.py --share 0.5        half of every group; without it later, the other half
-    python benchmarks/evidence/run_bench.py --summarise        the tables of what is there
-    python benchmarks/evidence/run_bench.py --summarise --publish   and docs/how_often_it_is_right.md with its pictures
-    python benchmarks/evidence/run_bench.py --shard 2/4        every fourth set from the second on, beside other shards
-    python benchmarks/evidence/run_bench.py --scheduler tcp://host:8786   diagnosers on a dask cluster
+    python -m benchmarks.evidence.run_bench --sealed --share 0.4   judged sets that are drawn for this code; resumable
+    python -m benchmarks.evidence.run_bench                    calibration sets, on which thresholds may be tuned
+    python -m benchmarks.evidence.run_bench --small            a handful of them, for CI
+    python -m benchmarks.evidence.run_bench --seeds 3 --kinds mullins none
+    python -m benchmarks.evidence.run_bench --summarise        the tables of what is there
+    python -m benchmarks.evidence.run_bench --shard 2/4        every fourth set from the second on, beside other shards
+    python -m benchmarks.evidence.run_bench --scheduler tcp://host:8786   diagnosers on a dask cluster
+
+A sealed run writes itself into the ledger when it begins and when it ends, whatever it shows, and keeps its answers
+for the page (`python -m benchmarks.evidence.publish`). Change the code of the diagnosis, and its sets are others.
 
 Results are in benchmarks/out/evidence/NAME.jsonl, one line per set, and the tables in benchmarks/out/evidence.json.
 
@@ -20,11 +22,13 @@ it was.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
+import signal
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,14 +38,14 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 os.environ["NUMBA_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.evidence import diagnosers, seal
-from benchmarks.evidence.judge import ERROR, Judged, judge, summary
+from benchmarks.evidence import diagnosers, ledger, seal
+from benchmarks.evidence.judge import ERROR, summary
 from benchmarks.evidence.protocols import NAMES
-from benchmarks.evidence.publish import as_text, expected_time, publish
-from benchmarks.evidence.tasks import PLANS, Plan, Task, digest, planned, small_plan
+from benchmarks.evidence.publish import as_text, expected_time
+from benchmarks.evidence.tasks import PLANS, Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
-from benchmarks.output import OUT, ROOT, parser_of
+from benchmarks.output import OUT, parser_of
 
 from pliant.execution.executors import ProcessExecutor, executor_for
 from pliant.execution.jobs import JobQueue
@@ -56,6 +60,8 @@ COUNTS = {
     "weak": "sets per effect at 0.5 and at 1 σ",
     "poor": "sets per effect under the poor protocol",
     "noload": "sets per effect without load steps",
+    "quick": "sets per quick effect under midway and coarse",
+    "rods": "sets per effect of a rod",
     "plan": "poor sets that get two more runs, proposed and random",
     "improve": "sets per effect that are improved",
     "other_every": "every this many-th set is made of the kind's other robot; 0: none",
@@ -166,8 +172,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
         scheduler: of a dask cluster that asks, its address or file: its workers see the folder under the same path. By
             default processes of this machine ask.
     """
-    tested = (ROOT / room for room in ("core", "plugins"))
-    key, code = bench.key(), digest(sorted(file for room in tested for file in room.rglob("*.py")))
+    key, code = bench.key(), ledger.code_digest()
     found = read(bench.results)
     others = sum(line.get("code") != code for line in found.values())
     if others:
@@ -208,12 +213,39 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     bar.finish()
 
 
-def judged(bench: Bench, plan: Plan) -> list[Judged]:
+def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
     """The plan's results beside their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
     named = ((task, task.secret_id(key)) for task in plan.tasks())
     there = [(task, name) for task, name in named if name in lines]
-    return [judge(task.group, bench.label(name, key), lines[name], task.mode) for task, name in there]
+    return [ledger.compact(t.group, t.mode, bench.label(name, key), lines[name]) for t, name in there]
+
+
+@contextlib.contextmanager
+def in_the_ledger(
+    bench: Bench, plan: Plan, path: Path = ledger.LEDGER, kept: Path = ledger.ANSWERS
+) -> Iterator[None]:
+    """A sealed run: a line when it begins, and one when it ends or is stopped, with what was answered by then."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    sets = len(replace(plan, share=1.0).tasks())
+    began = {
+        "run": f"{plan.draw} {ledger.now()}",
+        "began": ledger.now(),
+        "commit": ledger.commit(),
+        "code": plan.draw,
+    }
+    began |= {"plan": asdict(plan), "share": plan.share, "planned": sets}
+    ledger.note(began, path)
+    try:
+        yield
+    finally:
+        found = answers(bench, plan)
+        finished = len(found) == len(plan.tasks()) and not any("error" in one for one in found)
+        ended = {"run": began["run"], "ended": ledger.now(), "done": len(found), "finished": finished}
+        if found:
+            ledger.write_answers({**began, **ended}, found, kept)
+            ended["figures"] = ledger.headline(summary(ledger.judged(found)))
+        ledger.note(ended, path)
 
 
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -221,7 +253,10 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--name", help="of the results file; full or small by default")
     parser.add_argument("--small", action="store_true", help="a few of every group, for CI")
     parser.add_argument("--summarise", action="store_true", help="only the tables of what is there")
-    parser.add_argument("--publish", action="store_true", help="and write them into docs, with pictures")
+    parser.add_argument(
+        "--sealed", action="store_true", help="judge this code, on sets drawn for it; in the ledger"
+    )
+    parser.add_argument("--digest", action="store_true", help="only which code of the diagnosis this is")
     parser.add_argument(
         "--plan-only", action="store_true", help="how many sets of what, and the expected time"
     )
@@ -235,7 +270,6 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="this part of every group, the first seeds; all by default",
     )
     parser.add_argument("--protocol", choices=NAMES)
-    parser.add_argument("--split", choices=("judged", "calibration"))
     parser.add_argument("--workers", type=int, default=2, help="diagnosers at a time")
     parser.add_argument("--scheduler", help="ask on a dask cluster instead: its address or its file")
     parser.add_argument("--shard", type=_shard, default=(1, 1), metavar="I/N", help="only every N-th set")
@@ -261,11 +295,21 @@ def _shard(text: str) -> tuple[int, int]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     given = _arguments(arguments)
-    chosen = {name: getattr(given, name) for name in (*COUNTS, "protocol", "split", "share")}
+    code = ledger.code_digest()
+    if given.digest:
+        print(code)
+        return
+    chosen = {name: getattr(given, name) for name in (*COUNTS, "protocol", "share")}
     chosen["kinds"] = tuple(given.kinds) if given.kinds else None
     changes = {name: value for name, value in chosen.items() if value is not None}
     plan = replace(small_plan() if given.small else Plan(), **changes)
     name = given.name or ("small" if given.small else "full")
+    if given.sealed:
+        if changes.keys() - {"share"} or given.small or given.fresh or given.name or given.shard != (1, 1):
+            raise SystemExit(
+                "a sealed run is the whole plan or a --share of it, once: leave the other options out"
+            )
+        plan, name = replace(plan, split="judged", draw=code), f"sealed-{code}"
     bench = Bench((given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard)
     if given.plan_only:
         print(expected_time(plan))
@@ -273,14 +317,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.fresh:
         bench.results.unlink(missing_ok=True)
     if not given.summarise:
-        run(bench, plan, given.scheduler)
-    items = judged(bench, plan)
+        with in_the_ledger(bench, plan) if given.sealed else contextlib.nullcontext():
+            run(bench, plan, given.scheduler)
+    items = ledger.judged(answers(bench, plan))
     data = {**summary(items), "planned": planned(plan)}
     print(as_text(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
     write_atomically(target, json.dumps(data, indent=1))
-    if given.publish:
-        publish(data)
     if any(item.outcome == ERROR for item in items):
         sys.exit(1)  # errors are no answers
 

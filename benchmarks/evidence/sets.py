@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
+from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, rod_truth
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, ROD, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
 from benchmarks.evidence.truths import (
@@ -35,6 +35,7 @@ ENGINES: dict[str, Any] = {
     "mujoco": mujoco_truth,
     "explicit": explicit_truth,
 }
+ALL_ROBOTS = {**ROBOTS, ROD.name: ROD}
 SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
@@ -82,7 +83,7 @@ class SetSpec:
     """One set; with the same spec the same bytes come out.
 
     `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
-    None draws it from `SNR_RANGE`.
+    None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds.
     """
 
     kind: str
@@ -92,10 +93,11 @@ class SetSpec:
     protocol: str = "rich"
     split: Split = "judged"
     snr: float | None = None
+    draw: str = ""
 
     def generator(self) -> np.random.Generator:
         """Random numbers of this set alone."""
-        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}"
+        text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}{self.draw}"
         return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16]))
 
 
@@ -124,7 +126,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         RuntimeError: an engine did not follow the truth.
     """
     rng = spec.generator()
-    robot = ROBOTS[spec.robot]
+    robot = ALL_ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
     truth = draw(spec.kind, spec.engine, robot, spec.split, rng)
     slips = rng.standard_normal(len(runs))
@@ -140,7 +142,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     for index, target in enumerate(targets if spec.kind != CLEAN else ()):
         part, guess = truth.alone(index), target / 2
         largest = part.parts[0].largest
-        if spec.engine != "functional":  # the fast engine knows nearly the strength
+        if spec.engine not in ("functional", "rod"):  # the fast engine knows nearly the strength
             still = outputs_of(part, "functional")
             nearly = _scaled(still, largest, still(), sigma, target, guess)
             guess = nearly.strength if nearly.signal > 0 else guess
@@ -170,6 +172,10 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
     """Noiseless outputs of every run: what its sensors read."""
+    if engine == "rod":
+        every = zip(runs, rod_truth.follow(runs, truth.rod), strict=True)
+        kept = ((slice(None) if run.kept is None else run.kept, read) for run, read in every)
+        return [{name: read[name][part] for name in robot.outputs} for part, read in kept]
     outputs = []
     for run, angles, slip in zip(
         runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
@@ -180,7 +186,8 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
         turns = [name for name in names if name.endswith("angle_rad")]
         held = (slip, run.temperature_c - ROOM_C, run.base_angles_rad[1])
         seen = {name: sensed(ideal[name], run.time_s, truth.sensor, *held) for name in turns}
-        outputs.append({name: seen.get(name, ideal[name]) for name in names})
+        read = {name: seen.get(name, ideal[name]) for name in names}
+        outputs.append(read if run.kept is None else {name: value[run.kept] for name, value in read.items()})
     return outputs
 
 
@@ -230,7 +237,8 @@ def _scaled(
 
 def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:
     """The readings with noise of each output in turn, run by run."""
-    drawn = {key: [noise_of(SPECTRA[split], run.time_s, rng) for run in runs] for key in sigma}
+    clocks = [run.recorded().time_s for run in runs]
+    drawn = {key: [noise_of(SPECTRA[split], clock, rng) for clock in clocks] for key in sigma}
     return [
         {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
         for i, run in enumerate(outputs)
@@ -244,6 +252,7 @@ def _joined(outputs: Outputs, key: str) -> Array:
 
 def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     """The measurement CSV of docs/measurement_files.md: what was commanded and read, nothing else."""
+    runs = tuple(run.recorded() for run in runs)
     names = list(dict.fromkeys(name for run in outputs for name in run))
     turns = ["base_roll_rad", "base_pitch_rad"]
     valve = [] if all(run.valve_open is None for run in runs) else ["valve_open"]
@@ -287,7 +296,7 @@ def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed
     The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same
     seed.
     """
-    robot, before = ROBOTS[spec.robot], protocol(spec.protocol, ROBOTS[spec.robot])
+    robot, before = ALL_ROBOTS[spec.robot], protocol(spec.protocol, ALL_ROBOTS[spec.robot])
     truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
     added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
     every = (*before, *added)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from benchmarks.evidence import rod_truth
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.sets import SetSpec
 from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, robots_of
@@ -36,6 +37,9 @@ SHOWN = tuple(
     for kind in KINDS
     if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
 )
+# What beginnings and samples matter for.
+QUICK = ("viscous_damping", "supply_lag", "friction_hysteresis", "viscoelastic", "sensor_lag")
+QUICK_PROTOCOLS = ("midway", "coarse")
 NAMED = (*KINDS, CLEAN, *UNKNOWN)
 # Clean sets and unknown effects are of every robot in turn.
 TURNS = ("joint", "four", "finger", "chain")
@@ -44,7 +48,7 @@ TURNS = ("joint", "four", "finger", "chain")
 # Whatever changes the measured sets: a change there makes other sets, with other names.
 TRUTH_FILES = (
     "robots skeleton protocols forms form_table sensors truths "
-    "functional_truth mujoco_truth explicit_truth sets"
+    "functional_truth mujoco_truth explicit_truth rod_truth sets"
 )
 
 
@@ -86,24 +90,30 @@ class Plan:
         seeds: sets per effect; `clean`: clean sets; `unknown`: sets per unknown form; `pairs`: sets with two effects.
         weak: sets per effect at each of `WEAK_SNR`; `poor`, `noload`: sets per effect and clean ones under these
             protocols.
+        quick: sets per quick effect, and clean ones, whose recordings begin in mid-transient, and of coarse ones.
+        rods: sets per effect of a rod, and thrice as many clean ones; judged only, so that no threshold sees a rod.
         plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
         other_every: every this many-th set of a kind is made of its other robot.
+        draw: makes other sets of the same seeds; of a sealed run the digest of the code that is judged.
         share: part of every group that is done, from the first seeds on.
     """
 
     kinds: tuple[str, ...] = ()
     protocol: str = "rich"
-    split: Split = "judged"
+    split: Split = "calibration"
     seeds: int = 20
     clean: int = 320
     unknown: int = 8
     pairs: int = 60
-    weak: int = 2
-    poor: int = 6
+    weak: int = 1
+    poor: int = 2
     noload: int = 1
+    quick: int = 8
+    rods: int = 5
     plan: int = 50
     improve: int = 2
     other_every: int = OTHER_EVERY
+    draw: str = ""
     share: float = 1.0
 
     def tasks(self) -> list[Task]:
@@ -118,6 +128,13 @@ class Plan:
         for name, count in (("poor", self.poor), ("rich_noload", self.noload)):
             for kind, robot in usual.items():
                 every += [Task(name, self._set(kind, seed, robot, name)) for seed in range(count)]
+        for name, kind, seed in itertools.product(QUICK_PROTOCOLS, (*QUICK, CLEAN), range(self.quick)):
+            robot = usual[kind] if seed % 2 == 0 else robots_of(kind)[1]
+            every.append(Task(name, self._set(kind, seed, robot, name)))
+        for kind in (*rod_truth.CHANGES, CLEAN) if self.split == "judged" else ():
+            for seed in range(self.rods * (3 if kind == CLEAN else 1)):
+                spec = SetSpec(kind, seed, "rod", "rod", self.protocol, self.split, draw=self.draw)
+                every.append(Task("rod", spec))
         for seed in range(self.plan):
             # Effects in turn, of those that a poor recording of one joint shows.
             spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")
@@ -136,7 +153,7 @@ class Plan:
         name = TURNS[seed % len(TURNS)]
         engines = ENGINES[self.split, name == "joint"]
         engine = engines[seed // len(TURNS) % len(engines)]
-        return SetSpec(kind, seed, engine, name, self.protocol, self.split)
+        return SetSpec(kind, seed, engine, name, self.protocol, self.split, draw=self.draw)
 
     def _set(
         self, kind: str, seed: int, robot: str = "", protocol: str = "", snr: float | None = None
@@ -146,7 +163,7 @@ class Plan:
         name = robot or (second if other else usual)
         engines = ENGINES[self.split, name == "joint"]
         engine = engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)]
-        return SetSpec(kind, seed, engine, name, protocol or self.protocol, self.split, snr)
+        return SetSpec(kind, seed, engine, name, protocol or self.protocol, self.split, snr, self.draw)
 
 
 def _interleaved(tasks: Sequence[Task]) -> list[Task]:
@@ -191,6 +208,6 @@ SMALL_KINDS += ("tendon_friction", "torque_ripple", "run_slip")
 
 def small_plan() -> Plan:
     """A few of every group for CI: at most ten minutes on two cores."""
-    return Plan(
-        kinds=SMALL_KINDS, seeds=1, clean=4, unknown=1, pairs=0, weak=0, poor=1, noload=0, plan=1, improve=0
-    )
+    few = {"seeds": 1, "clean": 4, "unknown": 1, "poor": 1, "quick": 1, "plan": 1}
+    none = dict.fromkeys(("pairs", "weak", "noload", "improve"), 0)
+    return Plan(kinds=SMALL_KINDS, **few, **none)

@@ -16,8 +16,8 @@ from benchmarks.evidence.tasks import Task
 
 from pliant.store.store import write_atomically
 
-KEPT = {"verdict", "selected", "hypotheses", "credible_set", "classes", "not_excited", "indistinguishable"}
-KEPT |= {"n_effective", "n_samples", "next_experiment", "steps"}
+KEPT = {"verdict", "selected", "selected_class", "beside_class", "hypotheses", "credible_set", "classes"}
+KEPT |= {"n_effective", "next_experiment", "steps"}
 # Of a hypothesis the judge needs no more.
 HYPOTHESIS = ("kinds", "probability", "rmse_over_floor")
 # Its sets are also given to the scorer that knows the true forms.

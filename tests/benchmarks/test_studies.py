@@ -52,6 +52,7 @@ def marks(text: str) -> dict[str, str]:
     return {m[2]: m[0].removeprefix(m[1]).removesuffix(m[3]) for m in MARK.finditer(text)}
 
 
+@pytest.mark.slow
 def test_the_small_study_writes_what_the_contract_names(small: tuple[Given, dict[str, Any]]) -> None:
     given, result = small
     written = json.loads((given.out / "shape_matching_small.json").read_text())
@@ -70,6 +71,7 @@ def test_the_small_study_writes_what_the_contract_names(small: tuple[Given, dict
     assert not written["bars"]  # a taste is not judged
 
 
+@pytest.mark.slow
 def test_the_winner_and_the_structures_are_those_of_the_search(small: tuple[Given, dict[str, Any]]) -> None:
     _, result = small
     found = result["structures"]
@@ -83,6 +85,7 @@ def test_the_winner_and_the_structures_are_those_of_the_search(small: tuple[Give
     assert lines["laws"] == "the search"
 
 
+@pytest.mark.slow
 def test_a_finished_part_is_not_made_again(small: tuple[Given, dict[str, Any]], monkeypatch: Any) -> None:
     given, result = small
     monkeypatch.setattr(shape_matching, "searched", lambda *_: pytest.fail("searched again"))
@@ -102,6 +105,7 @@ def judged(small: tuple[Given, dict[str, Any]], verified_m: float) -> dict[str, 
     return shape_matching.assembled({"helix": part, "halving": part}, {"small": False, "overrides": []})
 
 
+@pytest.mark.slow
 def test_the_page_has_the_numbers_of_the_json(small: tuple[Given, dict[str, Any]], tmp_path: Path) -> None:
     result = judged(small, 1.234e-3)
     (tmp_path / "shape_matching.md").write_text(of_docs("shape_matching"))
@@ -152,6 +156,7 @@ def test_parts_of_another_study_are_out_of_date(tmp_path: Path) -> None:
     assert parts.find("a", "two") is None
 
 
+@pytest.mark.slow
 def test_a_published_part_stands_in_for_one_that_is_missing(small: tuple[Given, dict[str, Any]]) -> None:
     given, result = small
     file = given.out / "shape_matching_small.json"

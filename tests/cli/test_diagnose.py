@@ -33,6 +33,7 @@ def test_the_missing_effect_is_named_and_written(pliant, bench, read) -> None:
     assert {entry["kind"] for entry in found["smallest_detectable"]} <= set(FEW)
 
 
+@pytest.mark.slow
 def test_effects_of_the_study_are_part_of_the_model(pliant, bench, read) -> None:
     known = 'effects=[{"kind": "sensor_bias", "bias_rad": 0.03}]'
     assert pliant("diagnose", bench, known, "--data", "bench.csv", "--json", "out.json", *FEW).code == 0
@@ -90,6 +91,7 @@ def factor(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
@@ -118,6 +120,7 @@ def test_a_parameter_declared_wrongly_is_named_with_its_line(pliant, bench, work
     )
 
 
+@pytest.mark.slow
 def test_effects_that_one_joint_cannot_have_take_one_line(pliant, bench) -> None:
     asked = pliant("diagnose", bench, "--data", "bench.csv", *FEW, "--effect", "inter_module_compliance")
     assert "'inter_module_compliance' was left out:" in " ".join(asked.out.split())

@@ -29,6 +29,7 @@ def joint(workplace, write, tables):
     return write(MEASURED, "joint.yaml")
 
 
+@pytest.mark.slow
 def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read, workplace):
     before = joint.read_text()
     call = pliant("extend", joint, "--effect", "viscoelastic", "--json", "r.json").done()
@@ -48,6 +49,7 @@ def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read
     assert pages[0] != pages[1] and all((workplace / page).exists() for page in pages)
 
 
+@pytest.mark.slow
 def test_a_study_elsewhere_finds_its_files_and_has_the_overrides(pliant, joint, workplace):
     new = "other/place/new.yaml"
     call = pliant(
@@ -58,6 +60,7 @@ def test_a_study_elsewhere_finds_its_files_and_has_the_overrides(pliant, joint, 
     assert pliant("compare", new, "--quiet").code == 0
 
 
+@pytest.mark.slow
 def test_several_files_that_were_fitted_are_those_of_the_new_study(pliant, joint, read, tables, workplace):
     """Each file has some of the runs; the new study names both, and reads what was fitted."""
     header, *rows = (line for line in tables["hidden"].splitlines() if not line.startswith("#"))
@@ -163,6 +166,7 @@ def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tabl
     assert "too few runs" in call.out
 
 
+@pytest.mark.slow
 def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
     """On the console, in the JSON, on the page and in the new study."""
     (workplace / "open.csv").write_text(csv(one_slow_noisy_run(workplace, effect("supply_lag"))))

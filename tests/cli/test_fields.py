@@ -45,6 +45,7 @@ def states(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_files_hold_the_mesh_and_what_the_joint_does(pliant, write, read, workplace, store):
     pliant("fem", write(JOINT), "--store", store, "--fields", "vtu", "--json", "out.json").done()
     folder, rows = workplace / "vtu", states(workplace / "vtu")

@@ -40,6 +40,7 @@ def test_scores_as_json(fit, read):
     assert 0 < result["coverage"]["all"]["0.9"] <= 1
 
 
+@pytest.mark.slow
 def test_designs_to_solve_next(fit, read, workplace):
     out = fit("--next", "2", "--out", "wanted", "--json", "fit.json").out
     assert "of the mean squared error that solving it would remove" in out

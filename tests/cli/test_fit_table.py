@@ -45,6 +45,7 @@ def test_a_table_becomes_a_law_with_its_errors(pliant, workplace):
         assert word in done.out
 
 
+@pytest.mark.slow
 def test_a_display_unit_of_torque_changes_everywhere_from_one_table(pliant, workplace, monkeypatch):
     """Terminal, page and the tables in it; JSON stays SI."""
     written(workplace)
@@ -61,6 +62,7 @@ def test_a_display_unit_of_torque_changes_everywhere_from_one_table(pliant, work
     assert kept[0] == kept[1]
 
 
+@pytest.mark.slow
 def test_the_written_study_runs(pliant, workplace):
     written(workplace)
     assert pliant("fit", "bench.csv", "--kind", "table", "--out", "law", "--quiet").code == 0
@@ -81,6 +83,7 @@ def test_a_table_that_cannot_be_fitted_leaves_no_folder(pliant, workplace):
     assert not (workplace / "law").exists()
 
 
+@pytest.mark.slow
 def test_the_study_of_a_suction_law_is_driven_by_suction(pliant, workplace):
     p, u, moment = states()
     rows = [f"{-a},{b},{m}" for a, b, m in zip(p, u, moment, strict=True)]

@@ -10,6 +10,7 @@ import pytest
 from tests.cli.search_study import STUDY as SEARCHED
 from tests.cli.test_commands import BENCH, bench_table
 from tests.cli.test_fields import JOINT
+from tests.slow import slow_among
 from typer.testing import CliRunner
 
 from pliant.cli.options import DEFAULT_STORE
@@ -91,7 +92,7 @@ def test_the_page_has_every_verb_with_json():
     assert set(KEYS) - set(PUBLISHED) == set(CALLS) == set(VERBS) - {"view"}
 
 
-@pytest.mark.parametrize("verb", CALLS)
+@pytest.mark.parametrize("verb", slow_among(CALLS, "fem", "plan", "improve"))
 def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("PLIANT_STORE", raising=False)
@@ -103,6 +104,7 @@ def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
         assert reached(result, key) or f"{verb}.{re.split(r'[.[]', key)[0]}" in MAY_BE_EMPTY, key
 
 
+@pytest.mark.slow
 def test_the_table_of_states_has_its_columns(folder, monkeypatch):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("PLIANT_STORE", raising=False)

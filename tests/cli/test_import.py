@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 from tests.lab_files.files import lab_files
 from tests.lab_files.lab_file import CLOSE
+from tests.slow import slow_among
 
 import pliant as pliant_package
 from pliant import api
@@ -132,7 +133,7 @@ def test_what_cannot_be_read_is_refused_in_a_sentence(name, saved, pliant):
         assert word in called.err
 
 
-@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize("example", slow_among(EXAMPLES, *(set(EXAMPLES) - {"hidden_effect/bench"})))
 def test_the_examples_leave_no_doubt(example, tmp_path, monkeypatch, pliant):
     monkeypatch.chdir(tmp_path)
     file = ROOT / "examples" / f"{example}.csv"
@@ -181,6 +182,7 @@ def test_a_new_study_runs_once_three_lines_are_filled_in(saved, pliant, tmp_path
     pliant("import", "a.csv", "--out", study).refused("there already")
 
 
+@pytest.mark.slow
 def test_a_study_may_be_extended_with_the_recording(saved, pliant, tmp_path):
     saved(FILES["mbar called Pa"])
     base = ROOT / "examples" / "hidden_effect" / "finger.yaml"

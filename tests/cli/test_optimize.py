@@ -148,6 +148,7 @@ def test_overrides_are_searched_and_written(found, workplace):
     assert load_study(workplace / "there/best.yaml", discover()).chain.modules == 4
 
 
+@pytest.mark.slow
 def test_workers_a_dask_cluster_and_the_interface_in_python_find_the_same(found, path):
     one = found("search.budget=12", "--store", "a")
     two = found("search.budget=12", "--store", "b", workers=2)

@@ -43,6 +43,7 @@ def test_after_data_the_runs_that_decide_are_written(pliant, bench, read, workpl
         assert (workplace / run["file"]).read_text().startswith(f"# Run '{run['name']}'")
 
 
+@pytest.mark.slow
 def test_the_file_of_diagnose_is_filled_in_and_read_with_the_old_one(pliant, bench, read, workplace) -> None:
     pliant("diagnose", bench, "--data", "bench.csv", "--out", "out", "--json", "out.json", *FEW).done()
     proposed = read("out.json")["next_experiment"]

@@ -50,6 +50,7 @@ def test_a_picture(pliant, study, read):
     assert result["pictures"] == 1
 
 
+@pytest.mark.slow
 def test_the_instant_of_a_picture(pliant, study):
     for name, more in (("start", ["--time", "0"]), ("end", ["--time", "1"]), ("last", [])):
         drawn(pliant("render", study, "--out", f"{name}.png", *SMALL, *more))
@@ -58,6 +59,7 @@ def test_the_instant_of_a_picture(pliant, study):
     assert np.mean(start != end) > 0.01
 
 
+@pytest.mark.slow
 def test_the_end_is_the_end_within_half_a_frame(pliant, study):
     """Frames of a scene end a rounding before 6 s; the eleven levels here end at 1."""
     drawn(pliant("render", study, "--out", "after.png", *SMALL, "--time", "1.04")).done()
@@ -65,6 +67,7 @@ def test_the_end_is_the_end_within_half_a_frame(pliant, study):
     np.testing.assert_array_equal(*(np.array(Image.open(f"{name}.png")) for name in ("after", "last")))
 
 
+@pytest.mark.slow
 def test_a_gif_has_the_length_of_the_motion(pliant, study):
     drawn(pliant("render", study, "--out", "bend.gif", *SMALL, "--fps", "10"))
     film = Image.open("bend.gif")
@@ -76,6 +79,7 @@ def test_a_gif_has_the_length_of_the_motion(pliant, study):
     assert total == pytest.approx(1100, abs=10)
 
 
+@pytest.mark.slow
 def test_the_length_of_a_film_may_be_given(pliant, study):
     drawn(pliant("render", study, "--out", "bend.gif", *SMALL, "--fps", "5", "--seconds", "2"))
     assert Image.open("bend.gif").n_frames == 11
@@ -165,6 +169,7 @@ def test_view_without_a_display_is_told_before_anything_is_computed(pliant, stud
     assert not (study.parent / ".pliant").exists()
 
 
+@pytest.mark.slow
 def test_results_come_from_the_store_the_second_time(pliant, study):
     drawn(pliant("render", study, "--out", "a.png", *SMALL))
     manifests = list((study.parent / ".pliant" / "store" / "simulate").glob("*/manifest.json"))

@@ -81,6 +81,7 @@ def test_a_second_call_solves_nothing_and_says_so(fem, read):
     assert [d["cached"] for d in read("out.json")["designs"]] == [True, True, False, True]
 
 
+@pytest.mark.slow
 def test_overrides_change_the_sweep_or_take_it_away(fem, read):
     fem(GRID, "sweep=null", "--json", "one.json", workers=None).done()
     assert "designs" not in read("one.json")
@@ -91,11 +92,13 @@ def test_overrides_change_the_sweep_or_take_it_away(fem, read):
     assert len(result["designs"]) == 4
 
 
+@pytest.mark.slow
 def test_other_verbs_say_that_they_do_not_sweep(pliant, workplace):
     call = pliant("fit", bench.study(workplace, GRID))
     assert "sweep: read, but not used by 'fit'" in call.err
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_solves_it(fem, read):
     distributed = pytest.importorskip("distributed")
     settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
@@ -178,6 +181,7 @@ def test_a_scheduler_that_does_not_answer(fem, monkeypatch, scheduler, sentence)
     fem(GRID, "--scheduler", scheduler, workers=None).refused("pip install 'pliant[cluster]'")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
 def test_ctrl_c_ends_all_and_the_same_command_goes_on(workplace, monkeypatch):
     log = workplace / "solved.log"

@@ -1,9 +1,50 @@
-"""Every component that ships passes its interface's whole suite."""
+"""Every component that ships passes its whole suite; the fast tests run the first stage of all, and some suites."""
 
-from pliant.testing import BoundCheck, parametrize_with_checks
+from functools import partial
+
+import pytest
+
+from pliant.registry.component import Component
+from pliant.testing import BoundCheck, Subject, check_component, checks_for
 from pliant_plugins.manifest import pliant_components
 
+SHIPPED = pliant_components()
+# Kinds whose whole suite is fast enough, of interfaces with slow ones: of an effect one for each place where it acts.
+AT_ONCE = {
+    "effect": ("stiffness", "actuation_gain", "sensor_bias", "base_misalignment"),
+    "fem": (),
+    "surrogate": ("table",),
+    "meta_model": ("regression",),
+    "physics": ("quasistatic", "mujoco"),
+    "optimizer": ("cmaes",),
+}
 
-@parametrize_with_checks(pliant_components())
+
+def _quick(component: Component) -> bool:
+    return component.kind in AT_ONCE.get(component.interface, (component.kind,))
+
+
+def _name(component: Component) -> str:
+    return f"{component.interface}-{component.kind}"
+
+
+SUITES = [
+    pytest.param(partial(check_component, c), id=_name(c), marks=[] if _quick(c) else [pytest.mark.slow])
+    for c in SHIPPED
+]
+
+
+@pytest.mark.parametrize("check", SUITES)
 def test_shipped(check: BoundCheck) -> None:
     check()
+
+
+@pytest.mark.parametrize("component", [c for c in SHIPPED if not _quick(c)], ids=_name)
+def test_shipped_declares_what_it_is(component: Component) -> None:
+    """Manifest, config and signature: the stage without which no other is run."""
+    if missing := component.missing():
+        pytest.skip(f"needs {missing}")
+    subject = Subject(component)
+    for check in checks_for(component.interface):
+        if check.declares:
+            check.run(subject)

@@ -30,10 +30,13 @@ class FormulaPredictor:
         config = configs[0]
         return tuple({"angle_rad": self.function(t, config.a, config.b)} for t in self.clocks)
 
+    def evaluate(self, configs):
+        return Prediction(self._readings(configs), 0)
+
     def refined(self, parts):
         return self
 
-    def steps_between_samples(self, effects=(), least=1):
+    def steps_between_samples(self, effects=(), least=1, close=None):
         return least
 
     def vary(self, configs, towards):

@@ -20,6 +20,7 @@ from tests.diagnosis.quick import (
     rich,
     run_of,
 )
+from tests.slow import slow_among
 
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.errors import NotReachedError, UserError
@@ -88,7 +89,7 @@ PAIRS = [
 ]
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids="+".join)
+@pytest.mark.parametrize("pair", slow_among(PAIRS, *PAIRS[1::2]), ids="+".join)
 def test_two_hidden_effects_are_both_named(pair, twice) -> None:
     hidden = [effect(kind, **values) for kind, values in pair.items()]
     found = judged(measured(CHAIN, twice, *hidden, seed=12), kinds=[*{*FEW, *pair}])
@@ -123,6 +124,7 @@ def test_slip_between_repeats_comes_first() -> None:
     assert found.next_run is not None and "again" in found.next_run.run
 
 
+@pytest.mark.slow
 def test_without_repeats_a_clean_model_cannot_be_called_complete() -> None:
     assert judged(measured(CHAIN, rich(1), seed=4)).verdict == "insufficient_data"
     assert judged(measured(CHAIN, rich(1), STIFF, seed=4), kinds=FEW).selected == ("stiffness",)

@@ -75,6 +75,7 @@ def test_a_clean_bench_takes_no_step(tmp_path):
     assert "No effect was added" in summary(found)
 
 
+@pytest.mark.slow
 def test_without_repeats_nothing_is_called_noise(tmp_path):
     found = improved(tmp_path, runs=histories(1))
     assert added(found) == [] and found.stop == "insufficient_data"
@@ -95,6 +96,7 @@ def test_locked_readings_decide_nothing(creeping):
     assert second.steps[-1].locked.rmse["angle_rad"] > 10 * first.steps[-1].locked.rmse["angle_rad"]
 
 
+@pytest.mark.slow
 def test_too_few_runs_to_lock_are_said(tmp_path):
     found = improved(tmp_path, effect("stiffness", factor=1.3), runs=histories(1)[:2])
     assert found.locked.runs == ()
@@ -168,6 +170,7 @@ def one_slow_noisy_run(folder, *hidden):
     return measurement_of([clean.history], [{"angle_rad": clean.outputs["angle_rad"] + noise}])
 
 
+@pytest.mark.slow
 def test_one_of_several_look_alikes_stands_for_all(tmp_path):
     measurement = one_slow_noisy_run(tmp_path, effect("supply_lag"))
     found = improve(BENCH, study(tmp_path), measurement, kinds=[*LAGS, "stiffness", "sensor_bias"])

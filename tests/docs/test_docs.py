@@ -113,6 +113,7 @@ def loaded(monkeypatch, path, package):
     return component
 
 
+@pytest.mark.slow
 def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
     """The code blocks of write_a_plugin.md, typed in as they stand."""
     page = text_of("write_a_plugin")
@@ -143,6 +144,7 @@ def built(component, **keys):
     return component.build(component.config_model().model_validate({"kind": component.kind, **keys}))
 
 
+@pytest.mark.slow
 def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     component = typed_in(tmp_path, monkeypatch, "my-push", "task")
@@ -154,6 +156,7 @@ def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
     assert pushed > 5e-3
 
 
+@pytest.mark.slow
 def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
     component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")
     kept_contract(component, 20)

@@ -67,6 +67,7 @@ def test_two_joints_are_both_ends() -> None:
 RIVALS = ("stiffness", "actuation_gain", "inter_module_compliance")
 
 
+@pytest.mark.slow
 def test_the_loop_finds_the_ends_and_predicts_bodies_and_forces_it_has_not_seen(tmp_path: Path) -> None:
     opened = api.open_study(run.STUDY, [], store=tmp_path)
     found = api.improve(opened, kinds=("end_restraint", "link_stretch", *RIVALS))

@@ -64,6 +64,7 @@ def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_t
     assert all(stage["cached"] for name in ("fem", "fit", "simulate") for stage in again[name]["stages"])
 
 
+@pytest.mark.slow
 def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_waits(tmp_path):
     """SIGINT stops the first process, SIGKILL the second; the third has waited for the second and ends the table."""
     store = tmp_path / "my störe"

@@ -129,6 +129,7 @@ def test_several_at_once():
     envs.close()
 
 
+@pytest.mark.slow
 def test_pictures_show_the_motion():
     pytest.importorskip("OpenGL")
     env = gymnasium.make("pliant/FreeBending-v0", render_mode="rgb_array", size=(160, 120))

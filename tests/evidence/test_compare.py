@@ -26,6 +26,7 @@ def place(comparison, condition):
     return next(p for p in comparison.places if p.condition == condition)
 
 
+@pytest.mark.slow
 def test_clean_data_raise_few_alarms():
     """With every floor, offset and noise memory estimated from the repeats, at most 8 % of data sets alarm."""
     sets = 60

@@ -77,6 +77,7 @@ def test_a_wrong_model_is_shown_where_it_is_wrong(call, tmp_path):
     assert (tmp_path / "page" / "pictures" / "runs.png").is_file()
 
 
+@pytest.mark.slow
 def test_other_data_and_overrides(call, tmp_path):
     (tmp_path / "clean.csv").write_text(bench_csv())
     right = api.compare(api.open_study("study.yaml"), "clean.csv")
@@ -86,6 +87,7 @@ def test_other_data_and_overrides(call, tmp_path):
     assert json.loads((tmp_path / "r.json").read_text())["rmse_over_floor"] > 2 * right.rmse_over_floor
 
 
+@pytest.mark.slow
 def test_what_cannot_be_judged_is_no_failure(call, tmp_path):
     (tmp_path / "once.csv").write_text(bench_csv(repeats=1))
     result = call("study.yaml", "--data", "once.csv", "--json", "-")

@@ -13,9 +13,11 @@ import pytest
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.study import chain_length_m, simulate_study
+from pliant.pipeline.chain import base_rotation
+from pliant.pipeline.study import chain_length_m
 from pliant.search.problem.feasibility import require_reachable
 from pliant.search.problem.search_problem import SearchProblem
+from pliant.testing.samples import sample_chain
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRASPS = 14_400
@@ -80,16 +82,19 @@ def test_a_candidate_sets_every_segment() -> None:
 
 def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
     opened, problem = problem_of("shape_matching/helix.yaml")
-    run = simulate_study(opened.bench, problem.apply({v.name: v.stated for v in problem.variables}, 0))
-    result = run.engines[0].result
-    assert result is not None and run.chain is not None
+    study = problem.apply({v.name: v.stated for v in problem.variables}, 0)
+    assert study.chain is not None and study.task is not None
+    base = base_rotation(study.chain.base)
+    engine = opened.bench.build("physics", study.physics)
+    with engine.build(sample_chain(modules=2).with_(base_rotation=base)) as simulation:
+        result = opened.bench.build("task", study.task).run(simulation)
     target = np.asarray(result.metrics["target_points_m"], float)
     axis = target[:-1, :2].mean(axis=0)
     assert np.linalg.norm(target[:, :2] - axis, axis=1) == pytest.approx(18e-3, rel=2e-2)
     assert target[0, 2] - target[-1, 2] == pytest.approx(60e-3, rel=1e-3)
     # Seen from above: unturned modules bend from the base toward the centre of the circle.
     toward = np.array([*(axis - target[0, :2]), 0.0]) / 18e-3
-    bends = np.asarray(run.chain.base_rotation, float) @ np.array([0.0, 0.0, -1.0])
+    bends = base @ np.array([0.0, 0.0, -1.0])
     assert bends @ toward == pytest.approx(1.0, abs=2e-2)
 
 

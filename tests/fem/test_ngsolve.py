@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.slow import slow_among
 
 pytest.importorskip(
     "pliant_plugins.fem.ngsolve.library",
@@ -97,7 +98,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_among(CASES, "three axes", "prismatic"))
 def test_both_codes_agree_to_rounding_on_the_same_elements(case: str) -> None:
     make, solve = CASES[case]
     problem = make()
@@ -110,6 +111,7 @@ def test_both_codes_agree_to_rounding_on_the_same_elements(case: str) -> None:
     assert a.held == b.held and a.main == b.main and a.status == b.status
 
 
+@pytest.mark.slow
 def test_both_codes_agree_on_the_coarse_bellow(bellow: BellowBending) -> None:
     problem, material, pressure = bellow.problem(), rubber(), 3e3
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3})
@@ -125,6 +127,7 @@ def test_both_codes_agree_on_the_coarse_bellow(bellow: BellowBending) -> None:
         assert getattr(held, name) == pytest.approx(getattr(held_2, name), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_nearly_incompressible_bellows_do_not_lock(bellow: BellowBending) -> None:
     problem = bellow.problem()
     soft, hard = (-solver(problem, rubber(nu)).rest().dmoment_du for nu in (0.49, 0.4995))
@@ -140,7 +143,7 @@ LAWS: list[Material] = [
 ]
 
 
-@pytest.mark.parametrize("material", LAWS, ids=lambda m: m.config.canonical()["kind"])
+@pytest.mark.parametrize("material", slow_among(LAWS, *LAWS[1:]), ids=lambda m: m.config.canonical()["kind"])
 def test_symbols_and_numbers_are_one_law(material: Material) -> None:
     F = np.eye(3) + np.array([[0.2, 0.1, 0.0], [-0.1, 0.05, 0.3], [0.0, 0.15, -0.1]])
     mesh = _cube()
@@ -186,6 +189,7 @@ def test_a_fixed_face_is_at_rest_all_over() -> None:
     assert abs(value[0]) < 1e-4 and np.abs(value[1:]).min() > 0.01
 
 
+@pytest.mark.slow
 def test_threads_change_nothing() -> None:
     alone, four = solver(box_problem()), solver(box_problem(), threads=2)
     assert pressed(four).moment_n_m == pytest.approx(pressed(alone).moment_n_m, rel=1e-9)
@@ -226,6 +230,7 @@ def test_a_stretched_bar_has_the_stress_of_its_law() -> None:
     assert found["largest_stretch"] == pytest.approx(1.2, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_solvers_in_python_s_threads_do_not_disturb_each_other() -> None:
     def solve(pressure: float) -> float:
         s = solver(box_problem())

@@ -154,6 +154,7 @@ def test_maxwell(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     assert (ahead - behind) / (2 * du) == pytest.approx(held.dmoment_dp, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_only_pressure_over_modulus_matters(states: dict[str, FemState]) -> None:
     stiff = backend().solver(bellow().problem(), material(mu=2 * MU))
     free = stiff.free(12e3, stiff.rest())
@@ -161,6 +162,7 @@ def test_only_pressure_over_modulus_matters(states: dict[str, FemState]) -> None
     assert free.energy_j == pytest.approx(2 * states["free"].energy_j, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_rotation_control_both_ways_and_back(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     free = states["free"]
     back = solver.constrained(6e3, -0.05, solver.constrained(6e3, 0.05, free))
@@ -183,6 +185,7 @@ def test_pardiso_and_superlu_agree(solver: SkfemSolver, states: dict[str, FemSta
         assert getattr(again, name) == pytest.approx(getattr(states["held"], name), rel=1e-8), name
 
 
+@pytest.mark.slow
 def test_plain_cells_lock_and_averaged_ones_do_not(states: dict[str, FemState]) -> None:
     """Why dilatation is averaged: from ν = 0.49 to 0.4995 the plain cells stiffen several times more."""
 
@@ -196,6 +199,7 @@ def test_plain_cells_lock_and_averaged_ones_do_not(states: dict[str, FemState]) 
     assert plain - 1 > 3 * (averaged - 1)
 
 
+@pytest.mark.slow
 def test_both_mixed_elements_agree_on_the_free_angle() -> None:
     """Mean dilatation and Taylor–Hood, two stable elements, at 15 kPa on the coarse mesh."""
     angle = []

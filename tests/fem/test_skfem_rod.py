@@ -235,6 +235,7 @@ def test_held_axes_must_be_the_joint_s(spatial: SkfemSolver, mixed: FemState) ->
         backend().solver(replace(box_problem(), main_axis="z"), MATERIAL)
 
 
+@pytest.mark.slow
 def test_a_stiff_ribbon_is_a_stretchless_line() -> None:
     """EA → ∞ without width and `stretches = False` are one problem."""
     base = box_problem()

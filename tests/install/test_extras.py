@@ -213,6 +213,7 @@ def test_a_command_that_misses_a_library_ends_with_its_sentence(arguments, call)
     )
 
 
+@pytest.mark.slow
 def test_laws_chains_and_files_need_no_extra(call):
     for arguments in (
         ("simulate", "law.yaml"),

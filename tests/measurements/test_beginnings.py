@@ -1,45 +1,96 @@
-"""Recordings that begin in the middle of a motion: a model begins every run at rest."""
+"""Readings after states that nobody recorded are left out; a run from rest keeps all of its own."""
 
-from pathlib import Path
+from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.diagnosis.quick import P, blank, effect, measurement_of, predictor_of
 
-from pliant import api
-from pliant.records.measurement import Measurement
+from pliant.measurements.beginnings import FORGOTTEN_S, led_in, with_known_states
+from pliant.records.history import History
+from pliant.testing.samples import sample_chain
 
-TIME = np.arange(0.0, 8.0, 0.1)
-PRESSURE = np.where(TIME < 4.0, 13e3, 3e3)
-
-
-def read(folder: Path, angle: np.ndarray, pressure: np.ndarray = PRESSURE) -> Measurement:
-    lines = [
-        f"{run},{t:.1f},{p},{a:.5f}" for run in "ab" for t, p, a in zip(TIME, pressure, angle, strict=True)
-    ]
-    (folder / "bench.csv").write_text("run,time_s,pressure_pa,angle_rad\n" + "\n".join(lines) + "\n")
-    return api.read(folder / "bench.csv", {})[0]
+TIME = 0.4 * np.arange(200)
 
 
-def test_a_motion_that_nothing_drives_is_doubted_with_the_span_to_exclude(tmp_path: Path) -> None:
-    """Both runs begin at 13 kPa with the joint straight; it settles within 5 % after three time constants."""
-    still = 0.3 * (PRESSURE / 13e3)
-    measured = read(tmp_path, np.where(TIME < 4.0, still * (1.0 - np.exp(-TIME / 0.3)), still))
-    (doubt,) = measured.doubts
-    assert doubt.kind == "beginning"
-    assert "begins in the middle of a motion, from 0 rad to 0.3 rad" in doubt.sentence
-    assert "{run: a, end: 0.9 s}, {run: b, end: 0.9 s}" in doubt.sentence
-    assert doubt.sentence in measured.remarks
+def cycle(start: float = 0.0) -> np.ndarray:
+    """Triangles between zero and P of 20 s each, from `start` seconds on."""
+    return P * (1.0 - np.abs(((TIME + start) / 10.0) % 2.0 - 1.0))
 
 
-@pytest.mark.parametrize(
-    ("angle", "pressure"),
-    [
-        (0.3 * PRESSURE / 13e3, PRESSURE),  # at rest from the first sample on
-        (0.3 * (PRESSURE / 13e3) * (1.0 + 0.2 * (1.0 - np.exp(-TIME / 2.0))), PRESSURE),  # it creeps
-        (0.3 * (1.0 - np.exp(-TIME / 0.3)), np.where(TIME < 0.05, 0.0, 13e3)),  # the bench itself has stepped
-    ],
-)
-def test_rest_creep_and_a_step_of_the_bench_are_no_such_beginning(
-    tmp_path: Path, angle: np.ndarray, pressure: np.ndarray
-) -> None:
-    assert not [d for d in read(tmp_path, angle, pressure).doubts if d.kind == "beginning"]
+def left(*histories: History) -> list[np.ndarray]:
+    readings = [{"angle_rad": np.ones(len(h))} for h in histories]
+    known, _ = with_known_states(measurement_of(histories, readings))
+    return [np.isfinite(run.outputs["angle_rad"]) for run in known.runs]
+
+
+def test_a_run_from_rest_or_from_a_hold_keeps_its_readings() -> None:
+    held = np.where(TIME < 10.0, 0.5 * P, P)
+    for pressure in (cycle(), held, np.full(len(TIME), P)):
+        history = History.of({"pressure_pa": pressure}, TIME)
+        measurement = measurement_of([history], [{"angle_rad": np.ones(len(TIME))}])
+        assert with_known_states(measurement) == (measurement, ())
+    still = History.of({"pressure_pa": cycle(5.0)})  # states of their own, reached slowly
+    assert left(still)[0].all()
+
+
+@pytest.mark.parametrize("start", [3.0, 14.0])
+def test_the_first_seconds_of_a_run_that_begins_in_motion_are_left_out(start: float) -> None:
+    there = left(History.of({"pressure_pa": cycle(start)}, TIME), History.of({"pressure_pa": cycle()}, TIME))
+    assert np.array_equal(there[0], TIME >= FORGOTTEN_S) and there[1].all()
+
+
+def test_a_load_that_moves_counts_too() -> None:
+    load = 1e-3 * np.minimum(0.3 + TIME, 1.0)
+    assert np.array_equal(
+        left(History.of({"pressure_pa": np.zeros(200)}, TIME, moment_n_m=load))[0], TIME >= 4.0
+    )
+
+
+def test_what_follows_a_dropped_stretch_is_left_out_if_inputs_moved_meanwhile() -> None:
+    kept = (TIME < 24.0) | (TIME > 33.0)
+    moving = History.of({"pressure_pa": cycle()[kept]}, TIME[kept])
+    there, clock = left(moving)[0], TIME[kept]
+    assert np.array_equal(there, (clock < 24.0) | (clock >= clock[clock > 33.0][0] + FORGOTTEN_S))
+    assert left(History.of({"pressure_pa": np.minimum(cycle(), 0.0)[kept]}, TIME[kept]))[0].all()
+
+
+def test_the_sentence_names_the_first_run_and_how_much() -> None:
+    runs = [History.of({"pressure_pa": cycle(s)}, TIME, run=name) for s, name in ((0.0, "a"), (3.0, "b"))]
+    _, said = with_known_states(measurement_of(runs, [{"angle_rad": np.ones(200)}] * 2))
+    assert "run 'b' first" in said[0] and "4 s" in said[0] and said[0].startswith("1 of 2 runs")
+
+
+def test_a_run_is_led_in_on_the_line_that_it_begins_on() -> None:
+    """A cycle that is recorded from 3 s on began at zero 3 s before; one that falls came from the largest pressure."""
+    rising, falling = (History.of({"pressure_pa": cycle(s)}, TIME) for s in (3.0, 14.0))
+    rest = History.of({"pressure_pa": cycle()}, TIME)
+    led = led_in([rising, falling, rest])
+    assert [one.lead for one in led] == [1, 1, 0] and led[2] is rest
+    assert led[0].time_s[0] == pytest.approx(-3.0) and led[0].actuation["pressure_pa"][0] == 0.0
+    assert led[1].time_s[0] == pytest.approx(-4.0) and led[1].actuation["pressure_pa"][0] == pytest.approx(P)
+    for one, other in zip(led, (rising, falling, rest), strict=True):
+        assert all(np.array_equal(v[one.lead :], other.signals()[k]) for k, v in one.signals().items())
+
+
+def test_what_creeps_is_remembered_by_a_run_that_is_led_in() -> None:
+    whole = History.of({"pressure_pa": cycle()}, TIME)
+    cut = History.of({"pressure_pa": cycle()[10:]}, TIME[10:])
+    creep = [effect("viscoelastic", share=0.4, time_s=12.0)]
+    chain = sample_chain(modules=1)
+    truth = predictor_of(chain, blank([whole])).predict(creep)[0]["angle_rad"][10:]
+    found = predictor_of(chain, blank([cut])).predict(creep)[0]["angle_rad"]
+    settled = predictor_of(chain, blank([cut]))
+    settled._histories = [cut]
+    assert len(found) == len(truth)
+    assert np.abs(found - truth).max() < 0.05 * np.abs(settled.predict(creep)[0]["angle_rad"] - truth).max()
+
+
+def test_a_run_that_settles_under_inputs_that_stand_still_keeps_what_follows() -> None:
+    held = History.of({"pressure_pa": np.full(200, P)}, TIME, run="late")
+    whole = History.of({"pressure_pa": cycle()}, TIME, run="whole")
+    readings = [{"angle_rad": 0.5 * (1.0 - np.exp(-TIME / 3.0))}, {"angle_rad": 0.5 * cycle() / P}]
+    known, said = with_known_states(measurement_of([held, whole], readings))
+    there = np.isfinite(known.runs[0].outputs["angle_rad"])
+    assert 7.0 < TIME[there][0] < 11.0 and there[-1] and "run 'late' first" in said[0]  # 3 s · ln 20
+    assert np.isfinite(known.runs[1].outputs["angle_rad"]).all()

@@ -139,6 +139,7 @@ def test_the_studys_form_is_refused_for_three_axes() -> None:
         model.fit(solved_spherical_designs((2, 2)))
 
 
+@pytest.mark.slow
 def test_a_single_start_has_no_doubt_of_its_own(designs: SolvedDesigns) -> None:
     pytest.importorskip("torch")
     one = Coefficients(CoefficientsConfig(starts=1)).fit(designs).laws

@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 from benchmarks.house import modules
-from tests.conformance.test_shipped import test_shipped as shipped
+from tests.conformance.test_shipped import SUITES
 from tests.mutants.chosen import CHOSEN
 from tests.mutants.mutant import ROOMS, ROOT, Mutant, drawn
 from tests.mutants.run import DRAWN, SEED, dotted, nearest_tests
@@ -29,7 +29,7 @@ def test_every_mutant_changes_its_file_and_leaves_it_python(mutants: list[Mutant
 def test_every_mutant_meets_tests_that_exist(mutants: list[Mutant]) -> None:
     """pytest ends with an error for a test that is none, which would pass for a mutant that is caught."""
     tests = nearest_tests(modules())
-    cases = {f"test_shipped[{name}]" for name in shipped.pytestmark[0].kwargs["ids"]}  # type: ignore[attr-defined]
+    cases = {f"test_shipped[{suite.id}]" for suite in SUITES}
     for mutant in mutants:
         found = tests[dotted(mutant.file)]
         assert found, mutant

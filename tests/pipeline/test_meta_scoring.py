@@ -103,6 +103,7 @@ def test_a_constant_error_is_the_rmse_and_the_worst(tmp_path):
     assert found.r2 == pytest.approx(1 - by**2 / tau.var())
 
 
+@pytest.mark.slow
 def test_three_axes_are_scored_each(tmp_path):
     found = scores(Known(spherical_sample_law), solved_spherical_designs(), tmp_path)["all"]
     assert set(found.axes) == {"x", "y", "z"}

@@ -22,6 +22,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @each
 def test_its_kinds_are_found(environment: Any, name: str) -> None:
     done = environment.run("-m", "pliant", "plugins", "--json", "-", "--quiet")
@@ -30,6 +31,7 @@ def test_its_kinds_are_found(environment: Any, name: str) -> None:
     assert KINDS[name] <= {(c["interface"], c["kind"]) for c in found if c["package"] == f"{name} 0.1.0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*KINDS, "pliant-eccentric-tube"])
 def test_it_passes_its_own_tests(own_tests: dict[str, list[str]], name: str) -> None:
     """Conformance among them. What needs ccx is skipped without it: the decks are judged anyway."""
@@ -38,6 +40,7 @@ def test_it_passes_its_own_tests(own_tests: dict[str, list[str]], name: str) -> 
     assert set(own_tests[name]) == {"passed"}
 
 
+@pytest.mark.slow
 def test_a_study_says_that_the_program_is_missing(environment: Any, tmp_path: Path) -> None:
     study = CONTRIB / "pliant-calculix" / "examples" / "check.yaml"
     done = environment.run("-m", "pliant", "fem", study, "fem.program=no-such-ccx", "--quiet", cwd=tmp_path)
@@ -45,6 +48,7 @@ def test_a_study_says_that_the_program_is_missing(environment: Any, tmp_path: Pa
     assert "apt install calculix-ccx" in " ".join(done.stderr.split())
 
 
+@pytest.mark.slow
 @needs_pymoo
 def test_differential_evolution_searches_a_study(environment: Any, tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)

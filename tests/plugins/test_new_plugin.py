@@ -10,6 +10,7 @@ from pliant.cli.plugins import EXAMPLES, create_package
 from pliant.errors import UserError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interface", EXAMPLES)
 def test_passes_its_own_tests(own_tests: dict[str, list[str]], interface: str) -> None:
     assert set(own_tests[f"my-{interface}"]) == {"passed"}

@@ -140,6 +140,7 @@ def test_it_is_listed_beside_ours(folder: Path) -> None:
         assert {"stiffness", "mullins"} < {row["kind"] for row in rows}
 
 
+@pytest.mark.slow
 def test_it_is_judged_by_the_same_rules(folder: Path) -> None:
     good = call("check", "effect", "rise", "--file", "rise.py")
     assert (good.exit_code, "0 failed, 0 skipped" in good.output) == (0, True), good.output
@@ -311,6 +312,7 @@ def test_a_file_with_lines_missing_is_an_effect_or_a_sentence(folder: Path, miss
         assert component.interface == "effect"
 
 
+@pytest.mark.slow
 def test_a_term_that_cannot_be_compiled_is_told_by_the_check(folder: Path) -> None:
     write(folder, EFFECT.replace("angle * angle", "float(str(angle)) ** 2"))
     checked = call("check", "effect", "rise", "--file", "rise.py")

@@ -57,6 +57,7 @@ def test_kind_defined_twice_names_both_packages(listed: dict[str, Any]) -> None:
     assert "broken" in clash["package"]
 
 
+@pytest.mark.slow
 def test_conformance_by_command(environment: Any) -> None:
     done = environment.run("-m", "pliant", "check", "family", "eccentric_tube", "--json", "-", "--quiet")
     assert done.returncode == 0, done.stderr

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.report.pages import check_sound
+from tests.slow import slow_among
 
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData, ModuleShape
@@ -104,7 +105,7 @@ def document(*data: ModuleData) -> Any:
     return fem_document(study, [artifact(one) for one in data], ["fem.csv"] * len(data))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", ["spherical", "prismatic", "tendon"])
+@pytest.mark.parametrize("kind", slow_among(["spherical", "prismatic", "tendon"], "spherical", "prismatic"))
 def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
     made = page(document(KINDS[kind]))
     text = check_sound(made)
@@ -230,6 +231,7 @@ def test_the_command_says_the_same() -> None:
     assert result["newton_steps"] == int(KINDS["spherical"].iterations.sum())
 
 
+@pytest.mark.slow
 def test_designs_of_a_study_have_a_picture_each() -> None:
     sections = data_sections([DesignStates("one", module()), DesignStates("two", module())])
     assert [p.name for p in sections[0].pictures] == ["fem_states", "fem_states_2"]
@@ -253,6 +255,7 @@ def block(stretch: float, mirrors: tuple[str, ...], stress: bool = False) -> Mod
     return ModuleShape(1e3 * (stretch - 1), 0.004 * (stretch - 1), points, np.array(faces), values, mirrors)
 
 
+@pytest.mark.slow
 def test_mirror_images_of_a_sliding_piece_make_the_block() -> None:
     shapes = (block(1.0, ("x", "y", "z")), block(1.5, ("x", "y", "z"), stress=True))
     data = replace(KINDS["prismatic"], shapes=shapes).axis("x")

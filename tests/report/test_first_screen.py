@@ -29,6 +29,7 @@ def labels_before_the_picture(html):
     return re.findall(r"<dt>(.*?)</dt><dd>.+?</dd>", html.split("<img")[0])
 
 
+@pytest.mark.slow
 def test_a_comparison_answers_four_questions_before_its_first_picture():
     made = page_of(*bench(0, effect=falling_shift(0.02)))
     assert labels_before_the_picture(made.html) == LABELS

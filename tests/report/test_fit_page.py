@@ -210,6 +210,7 @@ def test_three_axes_are_told_apart() -> None:
     assert len(residual_map(spherical()).tobytes()) > 10_000
 
 
+@pytest.mark.slow
 def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path) -> None:
     bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
     write_table(table_of(softening_law(), noise_n_m=3e-5), tmp_path / "bench.csv")
@@ -256,6 +257,7 @@ def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
     assert table is not None and [row[0] for row in table.rows][:3] == ["x", "y", "z"]
 
 
+@pytest.mark.slow
 def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Path) -> None:
     bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
     data = solved_designs((2, 2)).data[0]

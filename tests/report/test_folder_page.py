@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -57,6 +58,7 @@ task: {kind: free_bending, pressure: 2 kPa}
 """
 TWO_FITTED = TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")
 STATED = "{kind: polynomial, form: study, coefficients: {k_n: 1.6e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.0245}}"
+TWO = (TWO_DESIGNS.replace("SURROGATE", STATED), TWO_FITTED)
 
 
 def run_of(folder: Path, text: str) -> StudyRun:
@@ -74,7 +76,7 @@ def run_of(folder: Path, text: str) -> StudyRun:
 
 @pytest.mark.parametrize(
     "text",
-    [STUDY, FITTED, TWO_DESIGNS.replace("SURROGATE", STATED), TWO_FITTED],
+    [STUDY, FITTED, *slow_among(TWO, *TWO)],
     ids=["stated", "fitted to a table", "two designs, law stated", "two designs, law fitted"],
 )
 def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: str) -> None:
@@ -154,6 +156,7 @@ uncertainty: {samples: 8}
 """
 
 
+@pytest.mark.slow
 def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
     write_table(table_of(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
     (tmp_path / "study.yaml").write_text(UNCERTAIN)

@@ -190,6 +190,7 @@ def test_an_interrupted_curve_over_designs_goes_on(tmp_path: Path) -> None:
     assert design_learning(Never(StandInMetaModelConfig()), designs, Silent(), kept) == first
 
 
+@pytest.mark.slow
 def test_three_axes_and_one_parameter_have_pictures_too() -> None:
     three = of(solved_spherical_designs((3, 3)))
     rows = [row.label for row in score_rows([three])]

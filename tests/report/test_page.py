@@ -110,19 +110,22 @@ def runs(kit: Any, flat: FinishedRun) -> dict[str, FinishedRun]:
     }
 
 
+SHOWN = [
+    ("stated", "finger law chain_pose", ["the law is stated by its coefficients", "b_e = 0.0245"]),
+    ("table", "finger law", ["no chain simulated", "the table's states"]),
+    ("unsettled", "finger law chain_pose", ["did not settle", "quasistatic did not converge"]),
+    ("loaded", "finger law chain_pose", ["with 13 g at its tip", "under gravity"]),
+    ("two", "finger module_shape module_shape_2 law law_2 chain_pose", ["design 2: 2 of 35 states"]),
+    ("helix", "finger law chain_pose", ["10-module finger"]),
+    ("dense", "finger law", ["Engine pybullet was skipped"]),
+    ("one", "finger law chain_pose", ["One-joint finger bends 17.2°"]),
+    ("forty", "finger law chain_pose", ["40-module finger bends 85.9°"]),
+]
+
+
 @pytest.mark.parametrize(
     ("name", "pictures", "says"),
-    [
-        ("stated", "finger law chain_pose", ["the law is stated by its coefficients", "b_e = 0.0245"]),
-        ("table", "finger law", ["no chain simulated", "the table's states"]),
-        ("unsettled", "finger law chain_pose", ["did not settle", "quasistatic did not converge"]),
-        ("loaded", "finger law chain_pose", ["with 13 g at its tip", "under gravity"]),
-        ("two", "finger module_shape module_shape_2 law law_2 chain_pose", ["design 2: 2 of 35 states"]),
-        ("helix", "finger law chain_pose", ["10-module finger"]),
-        ("dense", "finger law", ["Engine pybullet was skipped"]),
-        ("one", "finger law chain_pose", ["One-joint finger bends 17.2°"]),
-        ("forty", "finger law chain_pose", ["40-module finger bends 85.9°"]),
-    ],
+    [pytest.param(*one, marks=[pytest.mark.slow] if one[0] in ("unsettled", "two") else []) for one in SHOWN],
 )
 def test_a_page_shows_what_its_run_has(
     runs: dict[str, FinishedRun], name: str, pictures: str, says: list[str]
@@ -138,6 +141,7 @@ def test_a_page_shows_what_its_run_has(
         assert (width > 1500) == (name == "helix")
 
 
+@pytest.mark.slow
 def test_same_run_same_bytes(kit: Any, runs: dict[str, FinishedRun]) -> None:
     run = replace(runs["one"], designs=(design(kit, "body"),))
     assert render(run).html == render(run).html

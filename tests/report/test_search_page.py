@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.report import search_samples as samples
 from tests.report.pages import check_sound, words
+from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -58,7 +59,7 @@ def page(name: str) -> Page:
     return render.page(search_document(samples.STUDY, MAKERS[name][0](), drawn))
 
 
-@pytest.mark.parametrize("name", list(MAKERS))
+@pytest.mark.parametrize("name", slow_among(MAKERS, *(set(MAKERS) - {"one", "two"})))
 def test_every_search_has_its_page(name: str) -> None:
     made = page(name)
     text = re.sub(r"\s+", " ", check_sound(made)).lower()
@@ -72,6 +73,7 @@ def test_every_search_has_its_page(name: str) -> None:
     assert len(made.html) < LARGEST
 
 
+@pytest.mark.slow
 def test_fifty_thousand_candidates_and_sixteen_long_names_stay_small() -> None:
     wide = samples.one_branch(50_000, samples.wide_variables())
     html = render.page(search_document(samples.STUDY, wide)).html
@@ -157,6 +159,7 @@ search:
 """
 
 
+@pytest.mark.slow
 def test_a_written_folder_gives_the_same_page_again(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     study = load_study(tmp_path / "study.yaml", discover(), ())

@@ -84,6 +84,7 @@ def test_a_file_in_mbar_ms_and_radians_is_shown_in_them(usual):
         )
 
 
+@pytest.mark.slow
 def test_a_file_with_the_names_of_pliant_is_shown_as_ever(usual):
     assert units_as_written(headed("time_s", "pressure_pa", "angle_rad")) == {}
     for document in usual:

@@ -31,6 +31,7 @@ def test_the_best_third_goes_on_with_three_times_the_candidates(optimized):
         assert going == set(sorted(tried, key=best.__getitem__)[:left])
 
 
+@pytest.mark.slow
 def test_the_winner_is_what_its_search_alone_finds_with_as_many_candidates(optimized):
     (best,) = optimized(*HALVED).best
     alone = optimized(*HALVED, "search.halving=null", "search.budget=54", store="other")
@@ -38,6 +39,7 @@ def test_the_winner_is_what_its_search_alone_finds_with_as_many_candidates(optim
     assert best.objectives["abs(tip_x - 10 mm)"] == np.nanmin(alone.history.objectives[same, 0])
 
 
+@pytest.mark.slow
 def test_interrupted_anywhere_it_ends_the_same(optimized):
     whole = optimized(*HALVED, store="whole")
     for after in (0, 54, 91, 125):

@@ -115,6 +115,7 @@ def test_a_family_key_is_off_in_segments_with_their_own_value_too(tmp_path):
     assert np.ptp(found.scenarios) == pytest.approx(np.ptp(expected), rel=0.1)  # half where one segment stays
 
 
+@pytest.mark.slow
 def test_drawn_laws_spread_by_their_error_bar_and_share_numbers_between_candidates(tmp_path):
     search = "variables:\n  family.radius: {low: 4.2 mm, high: 5.4 mm}\nobjective: bend_angle\nrobust: {samples: 12}\n"
     one, problem = bench.springs(tmp_path, search)

@@ -196,6 +196,7 @@ def test_a_robust_search_says_what_it_costs(optimized):
     assert alone.simulations == 18 * 5
 
 
+@pytest.mark.slow
 def test_a_robust_search_begins_at_the_nominal_design(optimized):
     changes = (ROBUST, "search.budget=18", "optimizer=cmaes")
     nominal = optimized(*changes, "search.robust=null").best[0]

@@ -71,6 +71,7 @@ def test_what_cannot_be_varied_is_said_before_the_nominal_search(tmp_path, vary,
     assert not list(one.bench.store.root.glob("search/*"))
 
 
+@pytest.mark.slow
 def test_a_search_notes_it_once(tmp_path):
     pytest.importorskip("cma")
     watched = Watched()

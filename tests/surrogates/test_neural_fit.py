@@ -110,6 +110,7 @@ def test_scatter_is_not_learned() -> None:
     assert np.sqrt(np.mean(missed**2)) < scatter
 
 
+@pytest.mark.slow
 def test_three_coupled_axes() -> None:
     data = module_table_of(coupled_law())
     found = Neural(NeuralConfig(units=UNITS)).fit_module(data)

@@ -67,7 +67,8 @@ def test_every_form_is_drawn_and_another_switch_is_another_truth(split: str) -> 
     rng = np.random.default_rng(0)
     for kind in FORMS:
         robot = ROBOTS[robots_of(kind)[0]]
-        parts = [draw_part(kind, "mujoco", robot, split, rng) for _ in range(40)]
+        engines = ("functional", "mujoco")
+        parts = [draw_part(kind, engine, robot, split, rng) for engine in engines for _ in range(40)]
         assert {part.form for part in parts} == {form.name for form in forms_of(kind, split)}, kind
         for part in parts:
             change = part.change(1.0)

@@ -13,21 +13,23 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.evidence import oracle, run_bench, seal
+from benchmarks.evidence import ledger, oracle, run_bench, seal
 from benchmarks.evidence.judge import judge, reliability, summary, wilson
 from benchmarks.evidence.oracle import best, choice, mean_squares
-from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
+from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish, with_tables
+from benchmarks.evidence.publish import stored as stored_tables
 from benchmarks.evidence.result_pictures import matrix
 from benchmarks.evidence.run_bench import Bench, Job, append, read
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
+from benchmarks.evidence.tasks import QUICK, Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
 from benchmarks.evidence.workers import ANY, make
 from hypothesis import given
@@ -104,7 +106,14 @@ def test_wilsons_interval_has_its_closed_forms() -> None:
 
 
 def label_of(kind: str) -> dict[str, Any]:
-    label = {"kind": kind, "engine": "functional", "robot": "joint", "protocol": "rich", "excited": True}
+    label = {
+        "kind": kind,
+        "forms": ["a form"],
+        "engine": "functional",
+        "robot": "joint",
+        "protocol": "rich",
+        "excited": True,
+    }
     return label | {"right": list(right_verdicts(kind)), "snr_reached": 2.0}
 
 
@@ -154,7 +163,9 @@ def test_summary_counts_what_it_is_given() -> None:
     data = summary(items)
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 4)
     assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (1, 10)
-    assert data["credible_set"]["coverage"]["right"] == 4 and data["credible_set"]["median_size"] == 1
+    assert data["credible_set"]["coverage"]["right"] == 4 and data["credible_set"][
+        "mean_size"
+    ] == pytest.approx(1.25)
     assert data["confusion"]["effect"] == {"mullins": {"mullins": 3, "stiffness": 1}}
     page = as_text(json.loads(json.dumps(data)))
     assert "mullins 3, stiffness 1" in page and "75.0 %" in page
@@ -196,19 +207,61 @@ def stated(probability: float, right: bool) -> Any:
     return judge("effect", label_of("mullins"), line)
 
 
-def test_reliability_has_bins_of_equal_mass_and_its_closed_forms() -> None:
-    items = [stated(0.6, k % 5 < 3) for k in range(50)] + [stated(0.9, k % 10 < 9) for k in range(50)]
-    honest = reliability(items, bins=2)
-    assert [row["n"] for row in honest["bins"]] == [50, 50]
+def test_reliability_has_bins_of_equal_width_and_its_closed_forms() -> None:
+    items = [stated(0.65, k % 20 < 13) for k in range(60)] + [stated(0.9, k % 10 < 9) for k in range(50)]
+    honest = reliability(items)
+    assert [(row["above"], row["n"]) for row in honest["bins"]] == [(0.6, 60), (0.9, 50)]
     assert honest["error"] == pytest.approx(0.0, abs=1e-12)
-    assert honest["brier"] == pytest.approx((0.6 * 0.4 + 0.9 * 0.1) / 2)
-    boasting = reliability([stated(1.0, k < 7) for k in range(10)], bins=5)
+    assert honest["brier"] == pytest.approx((60 * 0.65 * 0.35 + 50 * 0.9 * 0.1) / 110)
+    boasting = reliability([stated(1.0, k < 7) for k in range(10)])
     assert boasting["error"] == pytest.approx(0.3) and boasting["brier"] == pytest.approx(0.3)
     assert reliability([])["error"] is None
 
 
+def a_class(verdict: str, *members: str, beside: Sequence[str] = ()) -> dict[str, Any]:
+    line = answer(verdict)
+    line["result"] |= {"selected_class": list(members), "beside_class": list(beside)}
+    return line
+
+
+@pytest.mark.parametrize("verdict", ["missing_effect", "ambiguous"])
+def test_a_class_is_right_by_class_where_it_holds_the_truth_and_never_strictly(verdict: str) -> None:
+    held = judge("effect", label_of("stiffness"), a_class(verdict, "wall_thickness", "stiffness"))
+    assert (held.outcome, held.by_class, held.wrong_kind, held.answer) == ("class", True, False, "its class")
+    not_held = judge("effect", label_of("mullins"), a_class(verdict, "wall_thickness", "stiffness"))
+    assert (not_held.outcome, not_held.by_class, not_held.wrong_kind) == ("wrong", False, True)
+    assert not_held.answer == "another class"
+    assert judge("clean", label_of(CLEAN), a_class(verdict, "wall_thickness", "stiffness")).wrong_kind
+    pair = label_of("mullins+stiffness")
+    assert judge("pair", pair, a_class(verdict, "wall_thickness", "stiffness", beside=["mullins"])).by_class
+    assert not judge("pair", pair, a_class(verdict, "wall_thickness", "stiffness")).by_class
+    assert not judge("effect", label_of("mullins"), a_class(verdict, "mullins")).by_class  # one is no class
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "wrong"),
+    [
+        ("mullins", answer("missing_effect", "mullins"), False),
+        ("mullins", answer("missing_effect", "stiffness"), True),
+        ("mullins", answer("missing_effect", "mullins", "stiffness"), True),
+        ("wall_thickness", answer("missing_effect", "stiffness"), False),  # declared to be one class
+        ("mullins+stiffness", answer("missing_effect", "mullins"), False),
+        ("mullins+stiffness", answer("missing_effect", "leak", "stiffness"), True),
+        ("torque_ripple", answer("missing_effect", "viscoelastic"), True),
+        (CLEAN, answer("missing_effect", "leak"), True),
+        ("mullins", answer("ambiguous", credible=[["leak"]]), False),
+        ("mullins", answer("unknown_effect"), False),
+    ],
+)
+def test_a_wrong_kind_is_one_outside_of_the_truths_class(
+    kind: str, line: dict[str, Any], wrong: bool
+) -> None:
+    line["result"]["classes"] = [{"kinds": kinds} for kinds in CLASSES]
+    assert judge("effect", label_of(kind), line).wrong_kind is wrong
+
+
 def test_the_plan_is_what_the_issue_asks_for() -> None:
-    tasks = Plan().tasks()
+    tasks = Plan(split="judged").tasks()
     of = {name: [t.spec for t in tasks if t.group == name] for name in {task.group for task in tasks}}
     assert len(KINDS) == 27 and all(sum(spec.kind == kind for spec in of["effect"]) >= 20 for kind in KINDS)
     clean = of["clean"]
@@ -218,7 +271,12 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert len({spec.kind for spec in of["unknown"]}) >= 12 and len(of["unknown"]) >= 100
     assert not set(UNKNOWN) & set(KINDS)
     assert len({spec.kind for spec in of["pair"]}) == len(of["pair"]) >= 60
-    assert len(of["poor"]) >= 100 and len(of["improve"]) >= 50
+    assert len(of["poor"]) >= 50 and len(of["improve"]) >= 50
+    for name in ("midway", "coarse"):
+        assert Counter(spec.kind for spec in of[name]) == dict.fromkeys((*QUICK, CLEAN), 8)
+    assert {spec.robot for spec in of["rod"]} == {"rod"} and not [
+        t for t in Plan().tasks() if t.group == "rod"
+    ]
     for kind in KINDS:  # every engine that follows its robots, and both robots
         mine = [spec for spec in of["effect"] if spec.kind == kind]
         assert {spec.robot for spec in mine} == set(robots_of(kind))
@@ -229,7 +287,7 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert len(names) == len(tasks) and not [n for n in names if any(k in n for k in (*KINDS, *UNKNOWN))]
     task = Task("effect", SetSpec("mullins", 0))
     assert task.secret_id(KEY) == task.secret_id(KEY) != task.secret_id(KEY[::-1])
-    other = Plan(split="calibration").tasks()
+    other = Plan().tasks()
     assert {task.spec.engine for task in other} == {"functional"}  # thresholds see one engine of three
     small = small_plan().tasks()
     assert {task.group for task in small} >= {"effect", "clean", "unknown", "poor", "plan"}
@@ -297,7 +355,7 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     publish(data, page, tmp_path)
     text = page.read_text()
     assert "words stay" in text and "STALE" not in text
-    assert "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
+    assert "| `mullins` | 19/20 | 19/20 | a form 19/20 | `stiffness` 1 |" in text
     assert all((tmp_path / f"bench_{name}.png").exists() for name in ("confusion", "reliability", "strength"))
     publish(data, page, tmp_path)
     assert page.read_text() == text
@@ -306,6 +364,7 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
         publish(data, page, tmp_path)
     hidden, columns, shares = matrix(data)
     assert shares[hidden.index("mullins"), columns.index("mullins")] == pytest.approx(95)
+    assert with_tables(PAGE.read_text(), stored_tables()) == PAGE.read_text()  # nothing on it is typed
     named = set(re.findall(r"<!-- bench: (\w+) -->", PAGE.read_text()))
     assert named == set(TABLES)
 
@@ -320,7 +379,9 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     assert read(tmp_path / "none.jsonl") == {}
 
 
-NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
+NONE = dict.fromkeys(
+    ("clean", "unknown", "pairs", "weak", "poor", "noload", "quick", "rods", "plan", "improve"), 0
+)
 THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NONE)  # type: ignore[arg-type]
 
 
@@ -381,6 +442,7 @@ def test_a_killed_bench_goes_on_where_it_was(bench: Callable[..., str], tmp_path
     assert "stiffness 3" in bench("--summarise")
 
 
+@pytest.mark.slow
 def test_a_diagnoser_that_dies_costs_its_own_set_alone(
     bench: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -408,3 +470,91 @@ def test_shards_run_apart_and_are_summarised_as_one(bench: Callable[..., str], t
     assert "stiffness 3" in bench("--summarise")
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3) and data["planned"] == {"effect": 3}
+
+
+def sealed(tmp_path: Path, done: int, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """A run of three sets of which so many were answered when it was stopped."""
+    plan = replace(THREE, split="judged", draw="abc")
+    bench = Bench(tmp_path / "evidence", "sealed-abc")
+    paths = tmp_path / "ledger.jsonl", tmp_path / "answers.jsonl.gz"
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(KeyboardInterrupt), run_bench.in_the_ledger(bench, plan, *paths):
+        bench.sets.mkdir(parents=True)
+        for task in plan.tasks()[:done]:
+            name = task.secret_id(bench.key())
+            (bench.sets / f"{name}.sealed").write_text(seal.seal(label_of("stiffness"), bench.key()))
+            append(bench.results, {"id": name, **answer("missing_effect", "stiffness"), "cpu_s": 1.23456789})
+        raise KeyboardInterrupt
+    return paths
+
+
+def test_a_sealed_run_stands_in_the_ledger_whatever_becomes_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, kept = sealed(tmp_path, 0, monkeypatch)
+    (nothing,) = ledger.entries(path)
+    assert nothing["code"] == "abc" and not nothing["finished"] and nothing["done"] == 0 and not kept.exists()
+    ledger.note(
+        {"run": "killed", "began": "2026-01-01T00:00:00Z", "commit": "x", "code": "y", "planned": 9}, path
+    )
+    monkeypatch.setattr(ledger, "now", lambda: "2026-01-02T00:00:00Z")
+    before = path.read_text()
+    shutil.rmtree(tmp_path / "evidence")
+    sealed(tmp_path, 2, monkeypatch)
+    assert path.read_text().startswith(before)  # lines are only added
+    *_, last = ledger.entries(path)
+    assert last["figures"]["strictly"] == [2, 2] and last["planned"] == 3 and not last["finished"]
+    head, items = ledger.read_answers(kept)
+    assert head["done"] == 2 and [item.is_right for item in items] == [True, True]
+    rows = list(TABLES["runs"]({"ledger": ledger.entries(path)}))
+    assert ["stopped" in rows[2], "killed" in rows[3], "100.0 %" in rows[4]] == [True] * 3
+
+
+def test_judged_sets_are_drawn_from_the_code_that_is_judged(tmp_path: Path) -> None:
+    for name in ledger.CODE:
+        part = tmp_path / name
+        (part.parent if part.suffix else part).mkdir(parents=True, exist_ok=True)
+        (part if part.suffix else part / "one.py").write_text("x = 1\n")
+    seen = {ledger.code_digest(tmp_path)}
+    for name in ledger.CODE:
+        part = tmp_path / name
+        (part if part.suffix else part / "one.py").write_text("x = 2\n")
+        seen.add(ledger.code_digest(tmp_path))
+    assert len(seen) == len(ledger.CODE) + 1  # each part of it counts
+    one, same, other = (SetSpec("mullins", 0, split="judged", draw=draw) for draw in ("a", "a", "b"))
+    drawn = [spec.generator().random() for spec in (one, same, other)]
+    assert drawn[0] == drawn[1] != drawn[2]
+    tasks = [Plan(split="judged", draw=draw).tasks() for draw in ("a", "b")]
+    assert not {t.secret_id(KEY) for t in tasks[0]} & {t.secret_id(KEY) for t in tasks[1]}
+    with pytest.raises(SystemExit, match="the whole plan"):
+        run_bench.main(["--sealed", "--seeds", "3"])
+
+
+def test_kept_answers_are_judged_as_the_whole_ones(tmp_path: Path) -> None:
+    line = answer("ambiguous", credible=[["stiffness"], ["wall_thickness"]])
+    line["result"] |= {
+        "classes": [{"kinds": kinds, "why": "x"} for kinds in CLASSES],
+        "next_experiment": {"a": 1},
+    }
+    line["result"]["hypotheses"] = [
+        {"kinds": ["leak"], "probability": 0.003},
+        {"kinds": ["stiffness"], "probability": 0.6},
+    ]
+    kept = ledger.compact("effect", "diagnose", label_of("stiffness"), line)
+    path = tmp_path / "kept.gz"
+    ledger.write_answers({"commit": "x"}, [kept], path)
+    first = path.read_bytes()
+    ledger.write_answers({"commit": "x"}, [kept], path)
+    assert path.read_bytes() == first
+    assert ledger.read_answers(path) == ({"commit": "x"}, [judge("effect", label_of("stiffness"), line)])
+    assert "0.003" not in json.dumps(kept) and "next_experiment" not in json.dumps(kept)
+    assert ledger.read_answers(tmp_path / "none.gz") == ({}, [])
+
+
+def test_the_answers_in_the_tree_are_small_and_belong_to_the_last_run_that_ended() -> None:
+    head, items = ledger.read_answers()
+    ended = [one for one in ledger.entries() if one.get("done") and "plan" in one]
+    assert bool(head) == bool(ended)
+    if head:
+        assert ledger.ANSWERS.stat().st_size < 2_000_000 and len(items) == head["done"]
+        assert head["run"] == ended[-1]["run"] and ledger.headline(summary(items)) == ended[-1]["figures"]

@@ -38,8 +38,9 @@ from benchmarks.evidence.sets import (
     signal,
 )
 from benchmarks.evidence.skeleton import Body, readings
-from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Truth, robots_of
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Truth, draw, robots_of
 from scipy.optimize import brentq
+from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
@@ -95,7 +96,7 @@ def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float
     assert angle[-1] == pytest.approx(brentq(balance, -1, 2), abs=2e-6)
 
 
-@pytest.mark.parametrize("name", sorted(ROBOTS))
+@pytest.mark.parametrize("name", slow_among(sorted(ROBOTS), "chain", "four"))
 def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
     robot = ROBOTS[name]
     runs = protocol("example", robot)
@@ -382,7 +383,7 @@ def test_the_study_given_away_is_a_study(name: str, tmp_path: object) -> None:
 
 def test_protocols_are_what_their_table_says() -> None:
     runs = {name: protocol(name) for name in NAMES}
-    counts = {"rich": 30, "rich_noload": 26, "rates": 9, "poor": 5, "example": 16}
+    counts = {"rich": 30, "rich_noload": 26, "rates": 9, "poor": 5, "midway": 30, "coarse": 12, "example": 16}
     assert {name: len(found) for name, found in runs.items()} == counts
     assert 4000 < sum(len(run) for run in runs["rich"]) < 4300
     rich = runs["rich"]
@@ -390,6 +391,43 @@ def test_protocols_are_what_their_table_says() -> None:
     assert all(conditions.count(name) == 2 for name in conditions)  # each done twice
     for a, b in zip(rich[:15], rich[15:], strict=True):
         assert a.specimen != b.specimen and np.array_equal(a.pressure_pa, b.pressure_pa)
+
+
+def test_recordings_begin_in_mid_transient_and_hold_what_a_whole_one_does_then() -> None:
+    spec = SetSpec("viscous_damping", 5, protocol="midway", snr=2.0)
+    found, runs = make_set(spec), protocol("midway")
+    rows = list(csv.DictReader(io.StringIO(found.csv)))
+    assert (
+        len(rows)
+        == sum(int(run.kept.sum()) for run in runs)
+        == sum(len(r["angle_rad"]) for r in found.hidden)
+    )
+    moving, lost = 0, 0
+    for run in runs:
+        cut, first = run.recorded(), int(np.argmax(run.kept))
+        assert (
+            cut.time_s[0] == 0 and cut.pressure_pa[0] == run.pressure_pa[first] and len(cut) == run.kept.sum()
+        )
+        before, after = ((run.pressure_pa[k], run.moment_n_m[k]) for k in (first - 1, first))
+        moving += before != after
+        lost += bool(np.diff(cut.time_s).max() > 5.0)
+    assert moving == len(runs) and lost >= 10
+    whole = [Run(**{**vars(run), "kept": None}) for run in runs]
+    truth = draw(spec.kind, spec.engine, JOINT, spec.split, spec.generator()).at(*found.label["strengths"])
+    full = follow("functional", JOINT, tuple(whole), truth, np.zeros(len(runs)))
+    for run, one, part in zip(runs, full, found.hidden, strict=True):
+        assert np.array_equal(one["angle_rad"][run.kept], part["angle_rad"])
+
+
+def test_coarse_samples_are_of_truths_that_are_followed_finely(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = protocol("coarse")
+    assert all(np.allclose(np.diff(run.time_s), 0.4) for run in runs)
+    truth = Truth(Forms(viscous=0.005, viscous_power=0.7))  # of 0.2 s
+    coarse, plain = (follow("functional", JOINT, runs, t, np.zeros(len(runs))) for t in (truth, Truth()))
+    monkeypatch.setattr("benchmarks.evidence.functional_truth.LONGEST_QUICK_S", 0.004)
+    fine = follow("functional", JOINT, runs, truth, np.zeros(len(runs)))
+    sigma = noise_sizes(plain)
+    assert signal(coarse, fine, sigma) < 0.1 * signal(plain, fine, sigma)
 
 
 def test_calibration_sets_are_other_sets() -> None:

@@ -204,6 +204,7 @@ def test_a_picture_shows_the_tip_on_the_side_to_which_it_bends(viewer):
     assert columns[2].mean() < 55
 
 
+@pytest.mark.slow
 def test_pictures_are_lit_and_not_of_one_colour(viewer):
     chain = rods(8, payload="10 g")
     motion = Motion(chain_scene(chain), chain_frames(np.zeros(1), bent(chain, 0.3)[None]))
@@ -213,6 +214,7 @@ def test_pictures_are_lit_and_not_of_one_colour(viewer):
         assert picture.std() > 10
 
 
+@pytest.mark.slow
 def test_two_viewers_at_once_do_not_disturb_each_other(viewer):
     chain = rods(3)
     motion = Motion(

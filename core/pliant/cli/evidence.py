@@ -12,6 +12,7 @@ from pliant.cli.bars import fitting_bar
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
+from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
@@ -85,7 +86,8 @@ def compare(
     predicted = predictor.predict()
     comparison = compare_with(measurement, predicted)
     here.measured(loaded, measurement)
-    here.show(comparison_document(loaded.name, measurement, predicted, comparison), folder)
+    bands, remark = study_bands(bench, loaded, measurement)
+    here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
 
 
 @verb()

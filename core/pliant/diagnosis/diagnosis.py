@@ -56,6 +56,7 @@ from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
+from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -164,7 +165,8 @@ def diagnose(
     for kind in asked:
         registry.get("effect", kind)
     plain = predictor.predict()
-    measurement, lost = _followed(predictor.measurement, plain)
+    known, unknown = with_known_states(predictor.measurement)
+    measurement, lost = _followed(known, plain)
     readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
@@ -213,6 +215,7 @@ def diagnose(
         next_run=ahead,
         remarks=(
             *measurement.remarks,
+            *unknown,
             *lost,
             *floor_remarks({name: floors[name] for name in predictor.outputs}),
             *not_tried,

@@ -17,6 +17,7 @@ from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.diagnosis.candidates import StudyCandidate
+from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
@@ -28,8 +29,11 @@ from pliant.diagnosis.fitting import (
     readings_over_floor,
     score,
 )
+from pliant.diagnosis.kept_posterior import block_of
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
+from pliant.diagnosis.posterior import Posterior, posterior_of
+from pliant.diagnosis.scatter import Scatter, scatter_of
+from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
 from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -61,6 +65,9 @@ class Extension:
             the model as it was where a parameter would then not be known at all; None with one condition only.
         left_out_runs: the same run by run; repeats of the run that is left out are then fitted. Of a single run,
             blocks are left out (`blocks_of`).
+        posterior: of the fitted parameters, about `values`.
+        scatter: of single readings about the model, by output.
+        exploration: what draws of the posterior read; None for a fit without profile intervals.
     """
 
     kinds: tuple[str, ...]
@@ -75,11 +82,21 @@ class Extension:
     residuals: Residuals
     left_out: Residuals | None
     left_out_runs: Residuals
+    posterior: Posterior
+    scatter: Mapping[str, Scatter]
+    exploration: Exploration | None = None
 
     @property
     def heldout(self) -> Score | None:
         """The error on conditions left out."""
         return None if self.left_out is None else score(self.left_out, self.noise.floors)
+
+    @property
+    def normal(self) -> bool | None:
+        """Whether the posterior is close to a normal distribution; None where it was not looked at."""
+        if self.exploration is None:
+            return None
+        return self.exploration.good and leaning(self.posterior, self.uncertainty) is None
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -133,7 +150,7 @@ def extend(
         effects: what the model has already; those that are not fitted keep their values.
         kinds: what to fit, jointly.
         forms: those of them whose forms vary too.
-        profiles: profile intervals; without them ± 1.645 standard deviations.
+        profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
 
     Raises:
         UserError: an unknown kind, or one that makes no sense for this chain.
@@ -143,7 +160,7 @@ def extend(
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
-    parts = ground.predictor.steps_between_samples(effects)
+    parts = fitter.steps(effects)
     plain = fitter.look(present, np.zeros(0), parts).residual
     before = readings.unpack(plain)
     fit = fitter.fit(candidate, _starts(candidate, effects), parts)
@@ -152,6 +169,8 @@ def extend(
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
+    posterior = posterior_of(fit, fitter.weights, noise.n_effective)
+    scale = square_per_reading(fitter.weights, fit, noise.n_effective)
     return Extension(
         kinds=candidate.kinds,
         effects=candidate.with_values(values),
@@ -166,6 +185,9 @@ def extend(
         left_out=_left_out(readings, fit, plain, condition),
         left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs))
         or readings.unpack(heldout_residual(fit, blocks_of(readings), plain)),
+        posterior=posterior.about(values),
+        scatter=scatter_of(noise, after, len(fit.x)),
+        exploration=explore(fitter, posterior, scale, fit.parts) if profiles else None,
     )
 
 
@@ -255,6 +277,9 @@ def write_extended_study(
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
+    kept = block_of(found.posterior, found.scatter).canonical()
+    draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
+    meant["posterior"] = kept
     draft.write(target, meant, registry, full)
 
 

@@ -27,6 +27,7 @@ from pliant.diagnosis.candidates import EffectSet
 from pliant.errors import UserError
 from pliant.evidence.places import Residuals, padded
 from pliant.evidence.prediction import Predictor
+from pliant.interfaces.effect import EffectConfig
 from pliant.least_squares import Point, Steps, descend
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
@@ -124,6 +125,8 @@ STEPS = Steps(
 MOST_KEPT = 8_000_000
 # A fit is refined so often at most.
 MOST_REFINED = 2
+# An error of the integration is none below this share of the noise floor.
+NEGLIGIBLE = 0.1
 # Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
 NEAR_NOTHING = 0.05
 # Share of the readings at which a trial may lose its equilibrium and still be compared.
@@ -179,8 +182,8 @@ class Fitter:
         files = files_of(self.predictor.bench.registry)
         return _arrived, (files, pickle.dumps((self.predictor, self.readings, self.weights)))
 
-    def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int]) -> EffectFit:
-        """`fit` of a candidate, its starts and steps between samples as one item of a `JobQueue`."""
+    def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
+        """`fit` with these arguments as one item of a `JobQueue`."""
         return self.fit(*asked)
 
     def fit(
@@ -203,11 +206,16 @@ class Fitter:
         found = self._fit(candidate, starts or candidate.starts(), parts)
         for _ in range(MOST_REFINED if refine and np.isfinite(found.mean_square()) else 0):
             effects = candidate.configs(found.x)
-            finer = self.predictor.steps_between_samples(effects, found.parts)
+            finer = self.steps(effects, found.parts)
             if finer == found.parts:
                 break
             found = self._fit(candidate, [found.x], finer)
         return found
+
+    def steps(self, effects: Sequence[EffectConfig], least: int = 1) -> int:
+        """Steps from sample to sample whose error is small beside the noise."""
+        close = {name: NEGLIGIBLE * scale for name, scale in self.readings.scales.items()}
+        return self.predictor.steps_between_samples(effects, least, close)
 
     def _fit(self, candidate: EffectSet, tried: Sequence[Array], parts: int) -> EffectFit:
         if not len(candidate):

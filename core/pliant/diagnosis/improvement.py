@@ -19,6 +19,7 @@ from itertools import combinations, pairwise
 from typing import Literal
 
 from pliant.config.study import Study
+from pliant.diagnosis.bands import Bands, bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, score
@@ -42,6 +43,7 @@ from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
@@ -125,6 +127,7 @@ class Improvement:
         final: the last fit, with its uncertainty; None where no effect was added.
         remarks: what limits the result, in sentences.
         next_run: what the last diagnosis proposes to measure.
+        bands: of the last model on all runs; None where no effect was added.
     """
 
     steps: tuple[Step, ...]
@@ -136,6 +139,7 @@ class Improvement:
     final: Extension | None
     remarks: tuple[str, ...]
     next_run: NextRun | None = None
+    bands: Bands | None = None
 
     @property
     def scored_on(self) -> str:
@@ -210,6 +214,7 @@ class _Walk:
         tick: Tick | None,
         workers: Workers,
     ) -> None:
+        measurement, self.unknown = with_known_states(measurement)
         self.bench, self.study, self.measurement, self.locked = bench, study, measurement, lock(measurement)
         self.kinds, self.tick, self.workers = kinds, tick, workers
         self.ground = Ground.of(bench, study, self.locked.training)
@@ -380,7 +385,13 @@ class _Walk:
             )
         reason = self._closing(stop, reason, steps[-1], noise)
         not_tried = self.last.not_tried if self.last is not None else ()
-        remarks = [*self.measurement.remarks, *self.ground.predictor.remarks, *not_tried, locked.why]
+        remarks = [
+            *self.measurement.remarks,
+            *self.unknown,
+            *self.ground.predictor.remarks,
+            *not_tried,
+            locked.why,
+        ]
         remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]
         single = "blocks of the one run, left out one after another, not of a run that nothing has seen"
         several = "runs left out one after another, not of runs that nothing has seen"
@@ -396,7 +407,16 @@ class _Walk:
             )
         next_run = None if self.last is None else self.last.next_run
         return Improvement(
-            tuple(steps), stop, reason, locked, noise.floors, noise.judged, final, tuple(remarks), next_run
+            tuple(steps),
+            stop,
+            reason,
+            locked,
+            noise.floors,
+            noise.judged,
+            final,
+            tuple(remarks),
+            next_run,
+            None if final is None else bands(self.ground.predictor, final.posterior, final.scatter),
         )
 
     def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:

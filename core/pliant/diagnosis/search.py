@@ -140,7 +140,9 @@ MOST_EFFECTS = 3
 SCREENED = 8
 EXCHANGED = 3
 # So many sets that lead their size are asked whether a relative of their equations fits better.
-BENT = 5
+BENT, BENT_LARGER = 5, 2
+# Steps from sample to sample in which larger sets are screened.
+SCREENING_STEPS = 2
 
 Tick = Callable[[str], None]
 
@@ -207,13 +209,16 @@ class HypothesisSearch:
         table, plain = self.table(), self.rows[NOTHING].mean_square
         evidence = log_evidence(table, self.thresholds)
         gaining = [kinds for kinds in dict.fromkeys(sets) if self.rows[kinds].mean_square < plain]
-        leading = sorted(gaining, key=lambda kinds: -evidence[kinds])[:BENT]
-        tried = [kinds for kinds in leading if EffectSet.of(self.registry, kinds, kinds).forms]
+        most = BENT if all(len(kinds) == 1 for kinds in sets) else BENT_LARGER
+        leading = sorted(gaining, key=lambda kinds: -evidence[kinds])[:most]
+        tried = [
+            kinds for kinds in leading if len(kinds) > 1 or EffectSet.of(self.registry, kinds, kinds).forms
+        ]
         asked = [EffectSet.of(self.registry, kinds, kinds) for kinds in tried]
         starts = [one.starts(self._known(kinds))[:1] for one, kinds in zip(asked, tried, strict=True)]
-        steps = [self.fits[kinds].parts for kinds in tried]
+        steps = map(self._steps, tried)
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
-            done = queue.each(list(zip(asked, starts, steps, strict=True)))
+            done = queue.each([(*one, True) for one in zip(asked, starts, steps, strict=True)])
             for kinds, one in zip(tried, done, strict=True):
                 fit = one.unwrap()
                 price, n = form_price(fit, table.noise.n_effective), table.noise.n_effective
@@ -272,12 +277,17 @@ class HypothesisSearch:
         asked = [EffectSet.of(self.registry, kinds, self._bent(kinds)) for kinds in new]
         starts = [self._starts(candidate, near) for candidate in asked]
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
-            done = queue.each(list(zip(asked, starts, map(self._steps, new), strict=True)))
+            done = queue.each([self._job(*one) for one in zip(asked, starts, strict=True)])
             for kinds, one in zip(new, done, strict=True):
                 fit = one.unwrap()
                 price = form_price(fit, self.table().noise.n_effective) if fit.candidate.forms else 0.0
                 self._keep(kinds, fit, price)
                 self.tick(" + ".join(kinds) or "nothing")
+
+    def _job(self, candidate: EffectSet, starts: list[Array]) -> tuple[EffectSet, list[Array], int, bool]:
+        """Larger sets in few steps from sample to sample at first; those that lead their size are refined after it."""
+        steps, large = self._steps(candidate.kinds), len(candidate.kinds) > 1
+        return candidate, starts, min(steps, SCREENING_STEPS) if large else steps, not large
 
     def _keep(self, kinds: Kinds, fit: EffectFit, price: float) -> None:
         self.fits[kinds] = fit

@@ -6,9 +6,10 @@ which adds
     s² = Σ r² / (n_eff − k)
 
 to Σ r² by chance, k parameters fitted. The covariance in the parameters' x is s² (JᵀJ)⁻¹, in a parameter's own unit
-times dv/dx (delta method). A profile interval holds the values of one parameter at which Σ r², all other parameters
-refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied
-Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation does not see.
+times dv/dx (delta method), with the prior of forms that vary. A profile interval holds the values of one parameter at
+which Σ r², all other parameters refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of
+freedom (Venzon & Moolgavkar, Applied Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation
+does not see.
 """
 
 from __future__ import annotations
@@ -161,16 +162,17 @@ class Held(EffectSet):
 
 
 def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bool = True) -> Uncertainty:
-    """Standard deviations and, unless `profiles` is False, profile intervals; else ± 1.645 standard deviations.
+    """Standard deviations and profile intervals; ± 1.645 standard deviations without `profiles`, and where forms vary.
 
     Args:
         fitter: the fitter that made the fit: its readings and weights count.
         fit: a fit of one parameter or more.
         n_effective: independent readings that the fit rests on.
     """
-    scale = square_per_reading(fitter, fit, n_effective)
+    scale = square_per_reading(fitter.weights, fit, n_effective)
     covariance = covariance_of(fitter, fit, scale)
     spread = np.sqrt(np.diag(covariance))
+    profiles = profiles and not fit.candidate.forms
     estimates = []
     for k, parameter in enumerate(fit.candidate.parameters):
         ends = [_end(fitter, fit, k, side, float(spread[k]), scale if profiles else None) for side in (-1, 1)]
@@ -193,16 +195,18 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
     return Uncertainty(tuple(estimates), correlation)
 
 
-def square_per_reading(fitter: Fitter, fit: EffectFit, n_effective: float) -> float:
+def square_per_reading(weights: Array, fit: EffectFit, n_effective: float) -> float:
     """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
     free = max(n_effective - len(fit.x), 1.0)
-    square = max(fit.mean_square(fitter.weights), LEAST_SQUARE)  # data without noise have none to show
-    return square * float(fitter.weights.sum()) / free
+    square = max(fit.mean_square(weights), LEAST_SQUARE)  # data without noise have none to show
+    return square * float(weights.sum()) / free
 
 
 def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
     """(k, k) in x; infinite variances where the readings do not feel a parameter."""
     normal = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
+    # forms have a prior of their own, s² of which is in units of Σ r²
+    normal += np.diag([scale * one.pull * one.is_form for one in fit.candidate.parameters])
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))

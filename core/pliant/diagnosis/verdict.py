@@ -125,6 +125,8 @@ class EvidenceThresholds:
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
+# Share of that tolerance where forms vary: they have taken up the rest.
+BENT_SHARE = 0.5
 # Half the number of independent ways in which a form may be wrong.
 COINCIDENCE = 2.0
 
@@ -255,7 +257,8 @@ def _left_over(
 ) -> float:
     """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
     explained = table.nothing.mean_square - table.rows[kinds].mean_square
-    tolerance = thresholds.model_form_tolerance if form is None else form
+    varies = BENT_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
+    tolerance = varies * thresholds.model_form_tolerance if form is None else form
     return thresholds.excited**2 + tolerance * max(explained, 0.0)
 
 

@@ -16,6 +16,7 @@ from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
+from pliant.measurements.beginnings import led_in
 from pliant.measurements.files import Sources, read_measurements
 from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
@@ -65,7 +66,8 @@ class Predictor:
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
-        self._histories, self.parts = [run.history for run in measurement.runs], 1
+        self.parts = 1
+        self._histories = led_in([run.history for run in measurement.runs])
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
             if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
@@ -108,7 +110,7 @@ class Predictor:
         """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
         other = copy.copy(self)
         other.measurement, other.parts = measurement, 1
-        other._histories = [run.history for run in measurement.runs]
+        other._histories = led_in([run.history for run in measurement.runs])
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
 
@@ -124,10 +126,16 @@ class Predictor:
         other.parts = parts
         return other
 
-    def steps_between_samples(self, effects: Sequence[EffectConfig] = (), least: int = 1) -> int:
+    def steps_between_samples(
+        self,
+        effects: Sequence[EffectConfig] = (),
+        least: int = 1,
+        close: Mapping[str, float] | None = None,
+    ) -> int:
         """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
 
         Dynamics that are faster than the sampling need more of them; models without memory or clock need one.
+        `close`: the change of each output that is none, root mean square in its unit; a share of its range by default.
         """
         timed = sum(len(history) for history in self._histories if history.time_s is not None)
         model = self._changed(self._base, effects)
@@ -137,9 +145,10 @@ class Predictor:
         parts, here = least, self.refined(least).evaluate(effects).runs
         measured = [run.outputs for run in self.measurement.runs]
         ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
+        allowed = {name: CLOSE * span for name, span in ranges.items()} | dict(close or {})
         while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
             finer = self.refined(2 * parts).evaluate(effects).runs
-            if all(_change(here, finer, name) <= CLOSE * span for name, span in ranges.items()):
+            if all(_change(here, finer, name) <= allowed[name] for name in self.outputs):
                 break
             parts, here = 2 * parts, finer
         return parts
@@ -171,10 +180,11 @@ class Predictor:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
-        found = self._evaluate(model, driven, self.parts)
-        if self.parts == 1:
+        parts = _fitting_parts(model, self.parts)
+        found = self._evaluate(model, driven, parts)
+        if parts == 1:
             return found
-        coarser = self._evaluate(model, driven, self.parts // 2)
+        coarser = self._evaluate(model, driven, parts // 2)
         return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
 
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
@@ -190,10 +200,11 @@ class Predictor:
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
         models = [self._changed(self._base, changed) for changed in (effects, *towards)]
-        found, differences = self._vary(models, self.parts)
-        if self.parts == 1:
+        parts = _fitting_parts(models[0], self.parts)
+        found, differences = self._vary(models, parts)
+        if parts == 1:
             return found, differences
-        coarser, others = self._vary(models, self.parts // 2)
+        coarser, others = self._vary(models, parts // 2)
         runs = _extrapolated(found.runs, coarser.runs)
         pairs = zip(differences, others, strict=True)
         return Prediction(runs, found.n_failed), tuple(_extrapolated(fine, coarse) for fine, coarse in pairs)
@@ -264,6 +275,8 @@ class Predictor:
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
             if history.time_s is not None and parts > 1:
                 run = {name: values[::parts] for name, values in run.items()}
+            if history.lead:
+                run = {name: values[history.lead :] for name, values in run.items()}
             runs.append(run)
         return tuple(runs)
 
@@ -341,6 +354,11 @@ def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> t
 def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
     """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
     return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+
+
+def _fitting_parts(model: Model, parts: int) -> int:
+    """One with masses that are accelerated: their term is of second order and damps swings that no sample sees."""
+    return 1 if any(term.is_inertia for term in model.chain.terms) else parts
 
 
 def _extrapolated(fine: Sequence[RunReadings], coarse: Sequence[RunReadings]) -> tuple[RunReadings, ...]:

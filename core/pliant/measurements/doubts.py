@@ -132,25 +132,11 @@ def _unloaded(history: History) -> bool:
 
 def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
     """Runs whose first readings travel far under inputs that are on and stand still: a model begins them at rest."""
-    there = np.concatenate([run.outputs[column.name] for run in runs])
-    span = float(np.ptp(there[np.isfinite(there)])) if np.isfinite(there).any() else 0.0
-    signals = runs[0].history.actuation
-    highest = {i: max(float(np.abs(run.history.actuation[i]).max()) for run in runs) for i in signals}
-    found = []
-    for run in runs:
-        time, values = run.history.time_s, run.outputs[column.name]
-        held = _held_from_the_begin(run.history, highest)
-        if time is None or held < FEWEST or not np.isfinite(values[:held]).all():
-            continue
-        end = float(np.median(values[held - max(held // 4, 1) : held]))
-        if abs(end - values[0]) > MOTION * span:
-            near = np.abs(values[:held] - end) <= SETTLED * abs(end - values[0])
-            last = int(np.flatnonzero(~near)[-1]) + 1
-            found.append((run.name, float(values[0]), end, float(time[min(last, held - 1)])))
+    found = settling(runs, column.name)
     if not found:
         return []
-    name, first, end, _ = found[0]
-    spans = ", ".join(f"{{run: {run}, end: {number(until, 3)} s}}" for run, _, _, until in found)
+    name, (first, end, _) = next(iter(found.items()))
+    spans = ", ".join(f"{{run: {run}, end: {number(until, 3)} s}}" for run, (_, _, until) in found.items())
     more = f" ({plural(len(found) - 1, 'more run')} likewise)" if len(found) > 1 else ""
     text = (
         f"{column.written}: run '{name}' {MID_MOTION}, from {_quantity(first, column)} to {_quantity(end, column)} "
@@ -158,6 +144,26 @@ def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> l
         f"{notes}, or record the beginning. Nothing was changed."
     )
     return [Doubt(column.written, "beginning", text)]
+
+
+def settling(runs: Sequence[MeasuredRun], output: str) -> dict[str, tuple[float, float, float]]:
+    """Runs that settle under inputs that stand still: the first reading, the last one, and the time until which."""
+    there = np.concatenate([run.outputs[output] for run in runs])
+    span = float(np.ptp(there[np.isfinite(there)])) if np.isfinite(there).any() else 0.0
+    signals = runs[0].history.actuation
+    highest = {i: max(float(np.abs(run.history.actuation[i]).max()) for run in runs) for i in signals}
+    found = {}
+    for run in runs:
+        time, values = run.history.time_s, run.outputs[output]
+        held = _held_from_the_begin(run.history, highest)
+        if time is None or held < FEWEST or not np.isfinite(values[:held]).all():
+            continue
+        end = float(np.median(values[held - max(held // 4, 1) : held]))
+        if abs(end - values[0]) > MOTION * span:
+            near = np.abs(values[:held] - end) <= SETTLED * abs(end - values[0])
+            last = int(np.flatnonzero(~near)[-1]) + 1
+            found[run.name] = (float(values[0]), end, float(time[min(last, held - 1)]))
+    return found
 
 
 def _held_from_the_begin(history: History, highest: Mapping[str, float]) -> int:

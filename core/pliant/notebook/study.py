@@ -9,6 +9,7 @@ from typing import Any
 
 from pliant import api
 from pliant.config.study import Study
+from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.extension import Extension, write_extended_study
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare
@@ -229,7 +230,8 @@ class StudyHandle:
         predicted = model.predict()
         with displayed_in(units_as_written(model.measurement)):
             found = compare(model.measurement, predicted)
-            document = comparison_document(self.name, model.measurement, predicted, found)
+            bands = study_bands(self.opened.bench, self.config, model.measurement)
+            document = comparison_document(self.name, model.measurement, predicted, found, *bands)
         return Result(
             found,
             document,

@@ -41,6 +41,7 @@ class History:
         valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
             commanded pressure does not reach them; None where they always are connected. A value holds for the
             step that leads to its sample.
+        lead: samples at its begin that were put before those that were recorded; nothing is read at them.
     """
 
     run: str
@@ -53,6 +54,7 @@ class History:
     base_angles_rad: Array
     payload_kg: Array | None = None
     valve_open: Array | None = None
+    lead: int = 0
 
     def __len__(self) -> int:
         return len(self.moment_n_m)

@@ -35,10 +35,15 @@ def comparison_answers(found: CountComparison) -> Answers:
     wrong = found.disagreeing
     missing = "Nothing that these counts show"
     if wrong:
-        way = {one.error > 0 for one in wrong}
-        side = {(True,): "The bench succeeds more often", (False,): "The bench succeeds less often"}.get(
-            tuple(way), "The bench succeeds more often here and less often there"
+        more_often = [one.error > 0 for one in wrong]
+        how = (
+            "more often"
+            if all(more_often)
+            else "less often"
+            if not any(more_often)
+            else "now more, now less often"
         )
+        side = f"The bench succeeds {how}"
         named_ones = [
             f"{one.condition.words} ({counted(one.measured)}, model {counted(one.simulated)})"
             for one in wrong[:MOST_NAMED]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
+from pliant.diagnosis.posterior import Posterior, posterior_of
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
@@ -49,10 +51,12 @@ from pliant.report.fitted import (
     verdict_json,
     warned,
 )
+from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
 MOST_SHOWN = 6  # hypotheses on the terminal
+WIDTH = 80  # characters of a line there
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
@@ -139,6 +143,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
         ],
         "indistinguishable": [vars(pair) for pair in found.indistinguishable],
         "classes": [vars(one) for one in found.classes],
+        "posterior": None if (posterior := selected_posterior(found)) is None else posterior_json(posterior),
         "covariates": [
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],
@@ -155,6 +160,19 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
         "remarks": list(found.remarks),
         "wall_s": found.wall_s,
     }
+
+
+def selected_posterior(found: Diagnosis) -> Posterior | None:
+    """Of the selected effects; None where the verdict names none."""
+    if not found.selected:
+        return None
+    fit = found.fits[found.selected]
+    return posterior_of(fit, np.ones(len(found.readings)), found.noise.n_effective)
+
+
+def _unseen(found: Diagnosis) -> list[str]:
+    posterior = selected_posterior(found)
+    return [] if posterior is None else unseen_words(posterior)
 
 
 def numbers_text(found: Diagnosis) -> str:
@@ -190,7 +208,9 @@ def implausible(found: Diagnosis) -> list[str]:
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
     rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
     shown = found.judgement.credible[:MOST_SHOWN]
-    lines = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    fitted += _unseen(found)
+    lines = [line for text in fitted for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ")]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
@@ -228,7 +248,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         if depends is not None
         else None,
         _limits(found, registry),
-        section("Numbers", hypotheses_table(found, diagnosed.hypotheses())),
+        section("Numbers", hypotheses_table(found, diagnosed.hypotheses()), text=_unseen(found)),
         section(
             "Noise",
             repeats,

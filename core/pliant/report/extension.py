@@ -15,6 +15,7 @@ from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
+from pliant.report.posterior import fitted_posterior_json, posterior_words, shares_brief
 
 
 def extension_document(
@@ -28,6 +29,7 @@ def extension_document(
     if not found.noise.judged:
         said = "without repeats or a stated sigma the floor holds fast noise only."
         doubts.append(Remark(said, Rank.FLOOR))
+    shares = shares_brief(found)
     falls = []
     for name, rmse in found.after.rmse.items():
         unit = unit_of(name)
@@ -44,6 +46,8 @@ def extension_document(
         brief=(
             *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
             parameters_brief(found.uncertainty),
+            *([shares] if shares else []),
+            *posterior_words(found),
             *falls,
         ),
         warnings=tuple(map(caveat, (*notes, *doubts))),
@@ -58,6 +62,7 @@ def extension_json(found: Extension) -> dict[str, Any]:
         "effects": list(found.kinds),
         "parameters": parameters_json(found.uncertainty, found.values),
         "correlation": found.uncertainty.correlation,
+        "posterior": fitted_posterior_json(found),
         "before": _score(found.before),
         "after": _score(found.after),
         "heldout": {} if heldout is None else errors_json(heldout),

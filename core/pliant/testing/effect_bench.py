@@ -56,7 +56,8 @@ def applied(subject: Subject, values: Mapping[str, float], model: Model | None =
 
 def absent(subject: Subject) -> dict[str, float]:
     """Strengths neutral, shapes at the end of their plausible range that lies farther from neutral."""
-    shapes = {p.name: _far(p) for p in parameters(subject) if p.role == "shape"}
+    forms = cast(type[EffectConfig], subject.model).form_parameters()
+    shapes = {p.name: _far(p) for p in (*parameters(subject), *forms) if p.role != "strength"}
     return shapes | {p.name: p.neutral for p in parameters(subject) if p.role == "strength"}
 
 

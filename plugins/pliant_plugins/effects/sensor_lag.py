@@ -61,7 +61,7 @@ class SensorLag(Effect):
 
 def _delayed(config: SensorLagConfig, readings: Readings) -> Readings:
     time_s, constant_s = readings.get("time_s"), config.time_s
-    if constant_s == config.delay_s == 0.0 or not isinstance(time_s, np.ndarray) or time_s.ndim != 1:
+    if constant_s == 0.0 or not isinstance(time_s, np.ndarray) or time_s.ndim != 1:
         return readings
 
     def late(angle: Array) -> Array:

@@ -94,15 +94,13 @@ class SupplyLag(Effect):
 def _delayed(config: SupplyLagConfig, full: float, history: History) -> History:
     """`full`: the difference at which the first stage flows as fast as a linear one, whatever the power."""
     time_s, filling_s = history.time_s, config.time_s
-    if time_s is None or filling_s == config.delay_s == 0.0:
+    if time_s is None or filling_s == 0.0:
         return history
     if config.delay_s:
         sooner = time_s - config.delay_s
         history = history.with_actuation(
             **{name: np.interp(sooner, time_s, values) for name, values in history.actuation.items()}
         )
-    if filling_s == 0.0:
-        return history
     times_s, second_s = (filling_s, config.vent_ratio * filling_s), config.second_ratio * filling_s
     open_ = np.ones(len(history) - 1, bool) if history.valve_open is None else history.valve_open[1:] != 0.0
     late = {}

@@ -239,9 +239,8 @@ def _counts_calls(u, rate, dt, p, t, old, new, c):
 
 
 @broken_term("terms_are_the_same_compiled")
-def _by_name(u, rate, dt, p, t, old, new, c):
-    share = {"share": c[0]}
-    return -0.01 * float(str(share["share"])) * u
+def _by_text(u, rate, dt, p, t, old, new, c):
+    return -0.01 * float(str(c[0])) * u
 
 
 @broken_term("terms_are_the_same_compiled", needs_time=False)
