@@ -92,6 +92,8 @@ bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, dia
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
 	$(BIN)/python -m benchmarks.real.two_bellow
+	$(BIN)/python -m benchmarks.real.tentacle
+	$(BIN)/python -m benchmarks.real.elastomer
 	$(BIN)/python -m benchmarks.real.grasp_counts
 
 bench-install: $(VENV)/.dev  ## the wheel, installed without extras into an environment of its own and tried there
