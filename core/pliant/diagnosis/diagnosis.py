@@ -64,6 +64,7 @@ from pliant.measurements.floors import floor_remarks
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 
 MOST_PROFILED = 3
@@ -181,7 +182,9 @@ def diagnose(
         search.tick = tick or search.tick
         table = search.run(chosen)
     silent = not_excited(shown, thresholds)
-    not_tried = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
+    not_tried: list[str] = [
+        Remark(f"'{kind}' was left out: {reason}", Rank.DETAIL, kind) for kind, reason in left_out.items()
+    ]
     not_tried += [
         f"'{kind}' could not be judged: with it the model finds no equilibrium at any start of its fit; "
         f"'pliant check effect {kind}' may tell why."
@@ -190,8 +193,9 @@ def diagnose(
     ]
     judgement = judge(table, thresholds, len(chosen) - len(silent))
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
-    noiseless = (
-        f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
+    noiseless = Remark(
+        f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range.",
+        Rank.FLOOR,
     )
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))

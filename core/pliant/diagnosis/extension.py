@@ -248,7 +248,7 @@ def write_extended_study(
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
-    """Write the study with the effects of an extension.
+    """Write the study with the effects of an extension, under a name of its own.
 
     Args:
         source: the study's file.
@@ -268,7 +268,8 @@ def write_extended_study(
     draft = StudyDraft(source, overrides)
     effects = study.effects if found is None else found.effects
     every = (*effects, *(() if learned is None else (learned.effect,)))
-    meant = {**study.canonical(), "effects": [effect.canonical() for effect in every]}
+    meant = {**study.canonical(), "name": draft.name_after(target)}
+    meant["effects"] = [effect.canonical() for effect in every]
     if data:
         files = tuple(str(file.absolute()) for file in data)
         named: str | tuple[str, ...] = files[0] if len(files) == 1 else files

@@ -53,6 +53,7 @@ from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
@@ -449,8 +450,11 @@ class _Walk:
             remarks.append(f"Errors are those of {single if len(locked.training.runs) == 1 else several}.")
         if not noise.judged:
             remarks.append(
-                "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be "
-                "noise."
+                Remark(
+                    "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be "
+                    "noise.",
+                    Rank.FLOOR,
+                )
             )
         next_run = None if self.last is None else self.last.next_run
         return Improvement(

@@ -45,6 +45,7 @@ from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,
+    most_probable,
     next_run_json,
     probability_text,
     verdict_json,
@@ -207,7 +208,7 @@ def implausible(found: Diagnosis) -> list[str]:
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
-    every = list(found.judgement.probability)[:MOST_SHOWN]
+    rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
     shown = found.judgement.credible[:MOST_SHOWN]
     fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
     fitted += _unseen(found)
@@ -215,7 +216,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (brief_table(hypothesis_columns(found), every), *lines)
+    return (brief_table(hypothesis_columns(found), rows, which), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:

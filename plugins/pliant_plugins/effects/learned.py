@@ -10,7 +10,7 @@ share by which the elastic or the actuation part of the law is larger. It is a m
 are plain data, and taking the entry out takes it away.
 
 Covariates, SI: `angle` and its `rate` r as r/(|r| + scale); `actuation`; `temperature` in °C; `time` in the run;
-`travel`, the cycles up to `scale` and back that the specimen has done; `actuation_rate` as `rate`; `actuation_direction`
+`travel`, the cycles up to `scale` and back that were done; `actuation_rate` as `rate`; `actuation_direction`
 and `angle_direction`, from −1 to 1 within twice `scale` of motion (a stop); `actuation_change` and `angle_change`, x
 less x behind a first-order lag of the time `scale`; `largest_angle` so far. `travel` and `largest_angle` go on from
 run to run of one specimen. An `input` knows nothing of angles, a `reading` nothing of temperature and travel.
