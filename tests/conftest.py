@@ -13,6 +13,13 @@ settings.register_profile(
 settings.load_profile("pliant")
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first: of two workers none is left alone with them at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope="session")
 def fem_states() -> list[dict[str, float]]:
     """Solved states of the first finger's module, SI; `solve_fem_states.py` writes them."""
