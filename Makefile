@@ -88,9 +88,12 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, diagnosed and judged; resumable
 	$(BIN)/python -m benchmarks.evidence.run_bench --sealed
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.speed
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.coverage
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
 	$(BIN)/python -m benchmarks.real.two_bellow
+	$(BIN)/python -m benchmarks.real.tentacle
+	$(BIN)/python -m benchmarks.real.elastomer
 	$(BIN)/python -m benchmarks.real.grasp_counts
 
 bench-install: $(VENV)/.dev  ## the wheel, installed without extras into an environment of its own and tried there

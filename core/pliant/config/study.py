@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, create_model, model_validator
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig, UncertaintyConfig
+from pliant.config.posterior import PosteriorConfig
 from pliant.config.protocols import ProtocolConfig
 from pliant.config.search import SearchConfig
 from pliant.errors import UserError
@@ -102,6 +103,9 @@ class Study(FrozenModel):
     )
     task: TaskConfig | None = Field(None, description="what the robot does")
     effects: tuple[EffectConfig, ...] = Field((), description="physical effects, applied in this order")
+    posterior: PosteriorConfig | None = Field(
+        None, description="how sure the effects' parameters are; fits write it (docs/extend_and_improve.md)"
+    )
     optimizer: OptimizerConfig | None = Field(None, description="proposes designs; cmaes by default")
     measurements: MeasurementsConfig | None = Field(
         None, description="what the bench recorded (docs/measurement_files.md)"

@@ -31,6 +31,7 @@ NOT_TO_SET = {
     "search": "it is the search itself",
     "optimizer": "it is what searches",
     "measurements": "they are what the bench recorded",
+    "posterior": "it is how sure a fit was",
     "protocols": "they are for the bench",
     "sweep": "its designs are what the meta-model is fitted to",
     "meta_model.data": "its designs are what the meta-model is fitted to",

@@ -16,7 +16,8 @@ from pydantic import ValidationError
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
-from pliant.diagnosis.candidates import StudyCandidate
+from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
+from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
@@ -28,8 +29,13 @@ from pliant.diagnosis.fitting import (
     readings_over_floor,
     score,
 )
+from pliant.diagnosis.kept_posterior import block_of
+from pliant.diagnosis.learned_term import KIND, LearnedTerm
+from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
+from pliant.diagnosis.posterior import Posterior, posterior_of
+from pliant.diagnosis.scatter import Scatter, scatter_of
+from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
 from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -61,6 +67,9 @@ class Extension:
             the model as it was where a parameter would then not be known at all; None with one condition only.
         left_out_runs: the same run by run; repeats of the run that is left out are then fitted. Of a single run,
             blocks are left out (`blocks_of`).
+        posterior: of the fitted parameters, about `values`.
+        scatter: of single readings about the model, by output.
+        exploration: what draws of the posterior read; None for a fit without profile intervals.
     """
 
     kinds: tuple[str, ...]
@@ -75,11 +84,21 @@ class Extension:
     residuals: Residuals
     left_out: Residuals | None
     left_out_runs: Residuals
+    posterior: Posterior
+    scatter: Mapping[str, Scatter]
+    exploration: Exploration | None = None
 
     @property
     def heldout(self) -> Score | None:
         """The error on conditions left out."""
         return None if self.left_out is None else score(self.left_out, self.noise.floors)
+
+    @property
+    def normal(self) -> bool | None:
+        """Whether the posterior is close to a normal distribution; None where it was not looked at."""
+        if self.exploration is None:
+            return None
+        return self.exploration.good and leaning(self.posterior, self.uncertainty) is None
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -133,13 +152,13 @@ def extend(
         effects: what the model has already; those that are not fitted keep their values.
         kinds: what to fit, jointly.
         forms: those of them whose forms vary too.
-        profiles: profile intervals; without them ± 1.645 standard deviations.
+        profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
 
     Raises:
         UserError: an unknown kind, or one that makes no sense for this chain.
     """
     registry = ground.predictor.bench.registry
-    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)), forms)
+    candidate = StudyCandidate.among(registry, effects, candidate_kinds(registry, kinds), forms)
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
@@ -152,6 +171,8 @@ def extend(
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
+    posterior = posterior_of(fit, fitter.weights, noise.n_effective)
+    scale = square_per_reading(fitter.weights, fit, noise.n_effective)
     return Extension(
         kinds=candidate.kinds,
         effects=candidate.with_values(values),
@@ -166,6 +187,9 @@ def extend(
         left_out=_left_out(readings, fit, plain, condition),
         left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs))
         or readings.unpack(heldout_residual(fit, blocks_of(readings), plain)),
+        posterior=posterior.about(values),
+        scatter=scatter_of(noise, after, len(fit.x)),
+        exploration=explore(fitter, posterior, scale, fit.parts) if profiles else None,
     )
 
 
@@ -215,24 +239,26 @@ def write_extended_study(
     target: Path,
     study: Study,
     overrides: Sequence[str],
-    found: Extension,
+    found: Extension | None,
     note: str,
     registry: Registry,
     *,
     notes_by_kind: Mapping[str, str] | None = None,
+    learned: LearnedTerm | None = None,
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
-    """Write the study with the effects of an extension.
+    """Write the study with the effects of an extension, under a name of its own.
 
     Args:
         source: the study's file.
         target: the new file.
         study: as it was read from `source` with `overrides`.
-        found: the fitted effects.
+        found: the fitted effects; None where none was added.
         note: where they come from, one line.
         registry: as it was before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
+        learned: a learned term behind them.
         data: the files that were fitted where they are not the study's; they become the new study's.
         full: whether the file shall stand alone.
 
@@ -240,21 +266,42 @@ def write_extended_study(
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     draft = StudyDraft(source, overrides)
-    meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
+    effects = study.effects if found is None else found.effects
+    every = (*effects, *(() if learned is None else (learned.effect,)))
+    meant = {**study.canonical(), "name": draft.name_after(target)}
+    meant["effects"] = [effect.canonical() for effect in every]
     if data:
         files = tuple(str(file.absolute()) for file in data)
         named: str | tuple[str, ...] = files[0] if len(files) == 1 else files
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
+    if found is not None:
+        _set_fitted(draft, found, note, notes_by_kind or {})
+    if (
+        found is not None and learned is None
+    ):  # the scatter that it holds is of the model without a learned term
+        kept = block_of(found.posterior, found.scatter).canonical()
+        draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
+        meant["posterior"] = kept
+    if learned is not None:
+        at = ("effects", len(effects))
+        draft.set((*at, "kind"), KIND, f"{note}; {depends_on(learned)}: a description, no cause")
+        for key, value in learned.form.block(learned.value, learned.sd).items():
+            if key != "kind":
+                draft.set((*at, key), value)
+    draft.write(target, meant, registry, full)
+
+
+def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
+    """The fitted effects with their uncertainty."""
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
-        draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))
+        draft.set((*at, "kind"), kind, note + notes_by_kind.get(kind, ""))
         for estimate in found.uncertainty.estimates:
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
-    draft.write(target, meant, registry, full)
 
 
 def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[str, str | float]:

@@ -169,7 +169,7 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
         fit: a fit of one parameter or more.
         n_effective: independent readings that the fit rests on.
     """
-    scale = square_per_reading(fitter, fit, n_effective)
+    scale = square_per_reading(fitter.weights, fit, n_effective)
     covariance = covariance_of(fitter, fit, scale)
     spread = np.sqrt(np.diag(covariance))
     profiles = profiles and not fit.candidate.forms
@@ -195,11 +195,11 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
     return Uncertainty(tuple(estimates), correlation)
 
 
-def square_per_reading(fitter: Fitter, fit: EffectFit, n_effective: float) -> float:
+def square_per_reading(weights: Array, fit: EffectFit, n_effective: float) -> float:
     """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
     free = max(n_effective - len(fit.x), 1.0)
-    square = max(fit.mean_square(fitter.weights), LEAST_SQUARE)  # data without noise have none to show
-    return square * float(fitter.weights.sum()) / free
+    square = max(fit.mean_square(weights), LEAST_SQUARE)  # data without noise have none to show
+    return square * float(weights.sum()) / free
 
 
 def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.diagnosis.bands import Bands
 from pliant.evidence.comparison import Comparison, interpret
 from pliant.evidence.places import Place
 from pliant.evidence.scores import GroupError, OutputError
@@ -33,6 +34,7 @@ from pliant.report.document import (
 )
 from pliant.report.evidence_view import Compared
 from pliant.report.fitted import caveat
+from pliant.report.posterior import bands_json, bands_words
 from pliant.units import si_unit
 
 OUTPUTS_DRAWN, OUTPUTS_OF_GROUPS = 2, 6
@@ -123,7 +125,12 @@ PLACE_COLUMNS: tuple[Column[Place], ...] = (
 
 
 def comparison_document(
-    title: str, measurement: Measurement, predicted: Sequence[Mapping[str, Array]], comparison: Comparison
+    title: str,
+    measurement: Measurement,
+    predicted: Sequence[Mapping[str, Array]],
+    comparison: Comparison,
+    bands: Bands | None = None,
+    remark: str = "",
 ) -> Document:
     """The document of `pliant compare`.
 
@@ -132,21 +139,28 @@ def comparison_document(
         measurement: what was compared with.
         predicted: outputs by run, as the comparison had them.
         comparison: what came of it.
+        bands: of the model, where the study keeps a posterior of its effects.
+        remark: why it has no bands although the study has such a block.
     """
-    brief = [brief_table(OUTPUT_COLUMNS, list(comparison.outputs.items()))]
+    brief: list[Table | str] = [brief_table(OUTPUT_COLUMNS, list(comparison.outputs.items()))]
     if comparison.worst:
         stars = f"* more than noise, corrected for looking at {comparison.n_places} places"
         rows = comparison.worst[:WORST_BRIEF]
         brief.append(brief_table(PLACE_COLUMNS, rows, stars if comparison.significant else ""))
+    if bands is not None and (held := bands_words(bands, measurement, "all runs")):
+        brief.append(held)
     return Document(
         kind="Pliant: model against measurement",
         title=title,
         sentence=interpret(comparison),
-        data=comparison_json(comparison),
+        data={
+            **comparison_json(comparison),
+            "band": None if bands is None else bands_json(bands, measurement),
+        },
         brief=tuple(brief),
         answers=comparison_answers(comparison),
-        warnings=tuple(map(caveat, comparison.remarks)),
-        draw=lambda: _drawn(Compared(measurement, predicted, comparison)),
+        warnings=tuple(map(caveat, (*comparison.remarks, *([remark] if remark else [])))),
+        draw=lambda: _drawn(Compared(measurement, predicted, comparison, bands)),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
 
@@ -217,10 +231,17 @@ def _drawn(compared: Compared) -> Drawn:
         which = "all runs" if whole else "one run of each condition, the worst first"
         words, floor = unit_of(output), comparison.outputs[output].noise_floor
         band = f"; the band is ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
+        chance = "one time in twenty"
+        if compared.bands is not None and output in compared.bands.half_width():
+            band = (
+                f"; the {whole_percent(compared.bands.level)} band holds the doubt about the fitted parameters and the "
+                "laws, and the noise"
+            )
+            chance = f"with a probability of {whole_percent(1 - compared.bands.level)}"
         caption = (
             f"{capital(words.label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
-            "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in "
-            "twenty, anywhere."
+            f"measured − model; what leaves the band is filled. A model that lacks nothing leaves it {chance}, "
+            "anywhere."
         )
         return Picture(name, caption, figures.runs_in_time(compared, output))
 
@@ -268,7 +289,7 @@ def _drawn(compared: Compared) -> Drawn:
 
 
 def _places_table(comparison: Comparison) -> Table:
-    found = any(place.significant for place in comparison.worst)
+    found = any(place.more_than_noise for place in comparison.worst)
     note = (
         "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
         "late times may be the same readings. z: mean error over what noise would give it."

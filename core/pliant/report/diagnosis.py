@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
+from pliant.diagnosis.posterior import Posterior, posterior_of
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
@@ -44,11 +45,14 @@ from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,
+    most_probable,
     next_run_json,
     probability_text,
     verdict_json,
     warned,
 )
+from pliant.report.learned import learned_json, learned_section
+from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
@@ -140,10 +144,12 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
         ],
         "indistinguishable": [vars(pair) for pair in found.indistinguishable],
         "classes": [vars(one) for one in found.classes],
+        "posterior": None if (posterior := selected_posterior(found)) is None else posterior_json(posterior),
         "covariates": [
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],
         "next_experiment": next_run_json(found.next_run, next_file),
+        "learned": learned_json(found.learned),
         "smallest_detectable": [vars(one) for one in found.detectable],
         "floor": floors_json(noise.floors),
         "n_samples": found.table.n_readings,
@@ -156,6 +162,19 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
         "remarks": list(found.remarks),
         "wall_s": found.wall_s,
     }
+
+
+def selected_posterior(found: Diagnosis) -> Posterior | None:
+    """Of the selected effects; None where the verdict names none."""
+    if not found.selected:
+        return None
+    fit = found.fits[found.selected]
+    return posterior_of(fit, np.ones(len(found.readings)), found.noise.n_effective)
+
+
+def _unseen(found: Diagnosis) -> list[str]:
+    posterior = selected_posterior(found)
+    return [] if posterior is None else unseen_words(posterior)
 
 
 def numbers_text(found: Diagnosis) -> str:
@@ -189,14 +208,15 @@ def implausible(found: Diagnosis) -> list[str]:
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
-    every = list(found.judgement.probability)[:MOST_SHOWN]
+    rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
     shown = found.judgement.credible[:MOST_SHOWN]
     fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
+    fitted += _unseen(found)
     lines = [line for text in fitted for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ")]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (brief_table(hypothesis_columns(found), every), *lines)
+    return (brief_table(hypothesis_columns(found), rows, which), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
@@ -221,6 +241,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     made = [
         _next(found),
         _changes(diagnosed, figures.explained_runs),
+        learned_section(found.learned),
         section(
             "What the error depends on",
             depends,
@@ -230,7 +251,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         if depends is not None
         else None,
         _limits(found, registry),
-        section("Numbers", hypotheses_table(found, diagnosed.hypotheses())),
+        section("Numbers", hypotheses_table(found, diagnosed.hypotheses()), text=_unseen(found)),
         section(
             "Noise",
             repeats,

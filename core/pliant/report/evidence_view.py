@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import Comparison, compare
@@ -25,11 +26,12 @@ MOST_POINTS = 1200  # of one line; more cannot be seen
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A measurement, the model's outputs per run, and what came of comparing them."""
+    """A measurement, the model's outputs per run, what came of comparing them, and the model's bands if it has some."""
 
     measurement: Measurement
     predicted: Sequence[Mapping[str, Array]]
     comparison: Comparison
+    bands: Bands | None = None
 
     @cached_property
     def residuals(self) -> Residuals:
@@ -63,6 +65,14 @@ class Compared:
     def title(self, name: str) -> str:
         """A run's name with its error in units of the floor."""
         return with_ratio(next(run for run in self.comparison.runs if run.name == name))
+
+    def band(self, name: str, output: str) -> tuple[Array, Array] | None:
+        """Ends (t,) of the band of a run, SI; None where nothing tells one."""
+        if self.bands is None:
+            return None
+        k = next(k for k, run in enumerate(self.measurement.runs) if run.name == name)
+        low, high = (end[k].get(output) for end in (self.bands.low, self.bands.high))
+        return None if low is None or high is None or not np.isfinite(low).any() else (low, high)
 
     def words(self, name: str) -> str:
         """What a run is like."""

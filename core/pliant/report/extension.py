@@ -11,9 +11,11 @@ from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
+from pliant.report.posterior import fitted_posterior_json, posterior_words, shares_brief
 
 
 def extension_document(
@@ -25,7 +27,9 @@ def extension_document(
     if not found.fit.converged:
         doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
     if not found.noise.judged:
-        doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
+        said = "without repeats or a stated sigma the floor holds fast noise only."
+        doubts.append(Remark(said, Rank.FLOOR))
+    shares = shares_brief(found)
     falls = []
     for name, rmse in found.after.rmse.items():
         unit = unit_of(name)
@@ -42,6 +46,8 @@ def extension_document(
         brief=(
             *(line for kind in found.kinds for line in in_plain_words(registry, kind, signature=False)),
             parameters_brief(found.uncertainty),
+            *([shares] if shares else []),
+            *posterior_words(found),
             *falls,
         ),
         warnings=tuple(map(caveat, (*notes, *doubts))),
@@ -56,6 +62,7 @@ def extension_json(found: Extension) -> dict[str, Any]:
         "effects": list(found.kinds),
         "parameters": parameters_json(found.uncertainty, found.values),
         "correlation": found.uncertainty.correlation,
+        "posterior": fitted_posterior_json(found),
         "before": _score(found.before),
         "after": _score(found.after),
         "heldout": {} if heldout is None else errors_json(heldout),

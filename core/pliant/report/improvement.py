@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.improvement import Improvement, Step
-from pliant.formatting import listed, number, unit_of
+from pliant.evidence.comparison import compare
+from pliant.formatting import listed, number, unit_of, whole_percent
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -22,10 +25,12 @@ from pliant.report.document import (
     Warned,
     as_json,
     brief_table,
+    capital,
     drawn,
     page_table,
     section,
 )
+from pliant.report.evidence_view import Compared
 from pliant.report.fitted import (
     doubtful,
     errors_json,
@@ -35,6 +40,15 @@ from pliant.report.fitted import (
     parameters_json,
     parameters_table,
     warned,
+)
+from pliant.report.learned import learned_json, learned_section
+from pliant.report.posterior import (
+    bands_json,
+    bands_words,
+    fitted_posterior_json,
+    posterior_words,
+    shares_brief,
+    shares_table,
 )
 
 MOST_IN_A_ROW = 3  # outputs that stand beside each other in eighty characters
@@ -71,10 +85,10 @@ def improvement_document(
         title=title,
         sentence=f"{summary(found)} {found.reason}",
         data=improvement_json(found, measurement),
-        brief=_brief(found),
+        brief=_brief(found, measurement),
         answers=improvement_answers(found),
         warnings=(*map(Warned, doubts), *warned(registry, found.remarks, asked)),
-        draw=lambda: _drawn(found),
+        draw=lambda: _drawn(found, measurement),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
     )
 
@@ -92,7 +106,10 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "unseen_runs": [names[k] for k in found.locked.unseen],
         "noise_floor": floors_json(found.floors),
         "judged": found.judged,
+        "learned": learned_json(found.learned),
         "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
+        "posterior": None if final is None else fitted_posterior_json(final),
+        "band": None if found.bands is None else bands_json(*_judged_band(found, measurement)),
         "next_experiment": next_run_json(found.next_run),
         "remarks": list(found.remarks),
     }
@@ -144,9 +161,29 @@ def _ratio(step: Step) -> str:
     return f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}"
 
 
-def _brief(found: Improvement) -> tuple[Table | str, ...]:
-    fitted = () if found.final is None else (parameters_brief(found.final.uncertainty),)
-    return (*_whys(found), steps_brief(found), *fitted)
+def _brief(found: Improvement, measurement: Measurement) -> tuple[Table | str, ...]:
+    if found.final is None:
+        return (*_whys(found), steps_brief(found))
+    shares = shares_brief(found.final)
+    fitted = (parameters_brief(found.final.uncertainty), *([shares] if shares else []))
+    return (*_whys(found), steps_brief(found), *fitted, *_how_sure(found, measurement))
+
+
+def _how_sure(found: Improvement, measurement: Measurement) -> list[str]:
+    """What the data do not see of the last model, and what its band held."""
+    if found.final is None or found.bands is None:
+        return []
+    of = "runs that were put aside" if found.locked.runs else "the runs that were fitted"
+    held = bands_words(*_judged_band(found, measurement), of)
+    return [*posterior_words(found.final), *([held] if held else [])]
+
+
+def _judged_band(found: Improvement, measurement: Measurement) -> tuple[Bands, Measurement]:
+    """The band on the runs put aside; on all where none were."""
+    assert found.bands is not None
+    chosen = found.locked.runs or tuple(range(len(measurement.runs)))
+    aside = replace(measurement, runs=tuple(measurement.runs[k] for k in chosen))
+    return found.bands.of_runs(chosen), aside
 
 
 def _whys(found: Improvement) -> list[str]:
@@ -190,7 +227,7 @@ def steps_brief(found: Improvement) -> Table:
     return Table("", head, rows)
 
 
-def _drawn(found: Improvement) -> Drawn:
+def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
     from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
 
     data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
@@ -212,5 +249,37 @@ def _drawn(found: Improvement) -> Drawn:
         hero,
         section(title, steps, text=(*_whys(found), f"Why it stopped: {found.reason}"), open=True),
         section("What was added", added),
+        learned_section(found.learned),
+        section(
+            "How sure the prediction is",
+            _band_picture(found, measurement),
+            None if final is None else shares_table(final),
+            text=_how_sure(found, measurement),
+        ),
         section("Noise floor", floors),
     )
+
+
+def _band_picture(found: Improvement, measurement: Measurement) -> Picture | None:
+    """The band over the runs put aside, of the output that the steps changed most."""
+    from pliant.report.figures.comparison import MOST, runs_in_time
+
+    if found.bands is None:
+        return None
+    first, last = found.steps[0].locked.rmse, found.steps[-1].locked.rmse
+    held = [name for name in last if name in found.bands.half_width()]
+    if not held:
+        return None
+    output = max(held, key=lambda name: first[name] / last[name])
+    centre = found.bands.centre
+    shown = Compared(measurement, centre, compare(measurement, centre), found.bands)
+    names = [measurement.runs[k].name for k in found.locked.runs] or [run.name for run in measurement.runs]
+    which = "runs that were put aside" if found.locked.runs else "runs that were fitted"
+    cut = f" The first {MOST} of {len(names)}." if len(names) > MOST else ""
+    caption = (
+        f"{capital(unit_of(output).label)} in {which}, with the {whole_percent(found.bands.level)} band of what the "
+        "last model would read there: its parameters' posterior, its laws' error bars and the noise of a reading."
+        f"{cut}"
+    )
+    names = names[:MOST]
+    return Picture("bands", caption, runs_in_time(shown, output, names))

@@ -33,9 +33,15 @@ FEW = 40  # samples that are marked one by one
 BAND_COLOUR = "#bcd9ee"
 
 
-def runs_in_time(compared: Compared, output: str) -> style.Png:
-    """Small multiples: the reading in ink over the model in blue; below, measured − model over a band of ±2 floors."""
-    names, _ = compared.worst_runs(MOST)
+def runs_in_time(compared: Compared, output: str, runs: Sequence[str] | None = None) -> style.Png:
+    """Small multiples: the reading in ink over the model in blue; below, measured − model over a band.
+
+    Args:
+        compared: the band is the model's own, or ± 2 floors where it has none.
+        output: which one.
+        runs: names of runs; the worst by default.
+    """
+    names = list(runs or compared.worst_runs(MOST)[0])
     rows, columns = grid(len(names), COLUMNS)
     words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
     with style.canvas(max(460 * columns, 900), 430 * rows + 90, pad=(0.05, 0.04), wspace=0.03) as figure:
@@ -83,14 +89,17 @@ def _run(
     time = clock(run)[0][pick]
     measured, predicted = (words.factor * np.asarray(v[output], float)[pick] for v in (run.outputs, model))
     error, known = measured - predicted, np.isfinite(band)
+    low, high, label = predicted - band, predicted + band, "model ± 2 floors"
+    if compared.bands is not None and (ends := compared.band(name, output)) is not None:
+        low, high = (words.factor * end[pick] for end in ends)
+        known, label = True, f"{whole_percent(compared.bands.level)} band"
     if known:
-        look = {"color": BAND_COLOUR, "lw": 0, "label": "model ± 2 floors"}
-        top.fill_between(time, predicted - band, predicted + band, **look)
-        bottom.axhspan(-band, band, color=BAND_COLOUR, lw=0)
+        top.fill_between(time, low, high, color=BAND_COLOUR, lw=0, label=label)
+        bottom.fill_between(time, low - predicted, high - predicted, color=BAND_COLOUR, lw=0)
     dots = {"color": style.INK, "marker": "o" if len(pick) < FEW else "", "ms": 3}
     top.plot(time, predicted, color=style.SERIES[0], lw=1.5, label="model")
     top.plot(time, measured, lw=0.9, label="measured", **dots)
-    outside = np.abs(error) > band if known else np.zeros(len(error), bool)
+    outside = (measured < low) | (measured > high) if known else np.zeros(len(error), bool)
     bottom.axhline(0, color=style.SERIES[0], lw=1.0)
     bottom.plot(time, error, lw=0.7, **dots)
     bottom.fill_between(time, 0, error, where=outside, color=style.WARN, alpha=0.75, lw=0, interpolate=False)

@@ -1,0 +1,162 @@
+"""Bands of what a model would read on a run: its parameters' posterior, its laws' error bars, the noise of a reading.
+
+The three are independent, and their variances add. A reading scatters about the model by the noise floor, and by what
+the laws' error bars say where there are some; where the fit left more than that on its own runs, a reading scatters by
+what it left. The half-width at a level is that quantile of Student's t with the degrees of freedom of the noise's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from pliant.config.study import Study
+from pliant.diagnosis.exploration import SEED, draws_for
+from pliant.diagnosis.extension import Ground
+from pliant.diagnosis.kept_posterior import kept_posterior
+from pliant.diagnosis.posterior import Posterior
+from pliant.diagnosis.scatter import Scatter
+from pliant.errors import UserError
+from pliant.evidence.prediction import Predictor, RunReadings
+from pliant.pipeline.simulate import drawn_chains
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+LEVEL = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Bands of a model's readings per run.
+
+    Attributes:
+        level: probability that a reading lies within.
+        centre: per run by output (t,), SI: the mean over draws.
+        low, high: the same of the band's ends; NaN where nothing is known of an output's scatter.
+    """
+
+    level: float
+    centre: tuple[RunReadings, ...]
+    low: tuple[RunReadings, ...]
+    high: tuple[RunReadings, ...]
+
+    def held(self, measurement: Measurement) -> dict[str, float]:
+        """By output the share of its readings within the band; outputs without a band or a reading are left out."""
+        found = {}
+        for name in self.low[0]:
+            inside = [
+                ((run.outputs[name] >= low[name]) & (run.outputs[name] <= high[name]))[
+                    np.isfinite(run.outputs[name]) & np.isfinite(low[name])
+                ]
+                for run, low, high in zip(measurement.runs, self.low, self.high, strict=True)
+                if name in run.outputs
+            ]
+            held = np.concatenate([np.zeros(0), *inside])
+            if held.size:
+                found[name] = float(held.mean())
+        return found
+
+    def half_width(self) -> dict[str, float]:
+        """By output the median half-width, SI; outputs without a band are left out."""
+        found = {}
+        for name in self.low[0]:
+            widths = [(high[name] - low[name]) / 2 for low, high in zip(self.low, self.high, strict=True)]
+            whole = np.concatenate(widths)
+            if np.isfinite(whole).any():
+                found[name] = float(np.nanmedian(whole))
+        return found
+
+    def of_runs(self, runs: Sequence[int]) -> Bands:
+        """The bands of some of the runs."""
+        ends = (self.centre, self.low, self.high)
+        return Bands(self.level, *(tuple(end[k] for k in runs) for end in ends))
+
+
+def bands(
+    predictor: Predictor,
+    posterior: Posterior,
+    scatter: Mapping[str, Scatter],
+    level: float = LEVEL,
+    count: int | None = None,
+) -> Bands:
+    """Bands of what the model reads on the predictor's runs.
+
+    Args:
+        predictor: the chain without the effects of `posterior.candidate`, driven by the runs in question.
+        posterior: of the effects' parameters.
+        scatter: by output, of the fit.
+        level: probability that a reading lies within.
+        count: draws.
+    """
+    runs, best = predictor.measurement.runs, posterior.candidate.configs(posterior.x)
+    parts = predictor.steps_between_samples(best)
+    readings = parts * len(predictor.outputs) * sum(map(len, runs))
+    draws = posterior.draws(count or draws_for(readings), SEED)
+    models = _models(predictor, len(draws))
+    fine = predictor.refined(parts)
+    of_draws = [fine.evaluate(posterior.candidate.configs(x)).runs for x in draws]
+    mean, parameters = _moments(of_draws)
+    laws: list[dict[str, Array]] = [{name: np.zeros(len(run)) for name in predictor.outputs} for run in runs]
+    if models is not None:
+        laws = _moments([model.refined(parts).evaluate(best).runs for model in models])[1]
+    quantile = float(scipy.stats.t.ppf((1.0 + level) / 2.0, posterior.freedom))
+    low: list[RunReadings] = []
+    high: list[RunReadings] = []
+    for centre, of_parameters, of_laws in zip(mean, parameters, laws, strict=True):
+        low.append({})
+        high.append({})
+        for name in predictor.outputs:
+            known = scatter.get(name, Scatter(np.nan, np.nan))
+            single = np.maximum(known.floor**2 + of_laws[name], known.left**2)
+            half = quantile * np.sqrt(of_parameters[name] + single)
+            low[-1][name], high[-1][name] = centre[name] - half, centre[name] + half
+    return Bands(level, tuple(mean), tuple(low), tuple(high))
+
+
+def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
+    """The predictor with drawn laws; None where no law states an error."""
+    if all(law.error is None for law in predictor.chain.laws):
+        return None
+    chains = drawn_chains(predictor.chain, count, SEED)
+    return [Predictor(predictor.bench, predictor.backend, chain, predictor.measurement) for chain in chains]
+
+
+def _moments(
+    of_draws: Sequence[Sequence[Mapping[str, Array]]],
+) -> tuple[list[dict[str, Array]], list[dict[str, Array]]]:
+    """Per run by output (t,) mean and variance over draws; draws without an equilibrium there do not count."""
+    means, variances = [], []
+    for run in range(len(of_draws[0])):
+        stacked = {name: np.array([draw[run][name] for draw in of_draws]) for name in of_draws[0][run]}
+        count = {name: np.isfinite(values).sum(axis=0) for name, values in stacked.items()}
+        mean = {
+            name: np.where(count[name] > 0, np.nansum(values, axis=0) / np.maximum(count[name], 1), np.nan)
+            for name, values in stacked.items()
+        }
+        means.append(mean)
+        variances.append(
+            {
+                name: np.nansum((values - mean[name]) ** 2, axis=0) / np.maximum(count[name] - 1, 1)
+                for name, values in stacked.items()
+            }
+        )
+    return means, variances
+
+
+def study_bands(bench: Workbench, study: Study, measurement: Measurement) -> tuple[Bands | None, str]:
+    """Bands of what a study's model reads on measured runs, or None and a sentence why the study's block is not used.
+
+    Args:
+        bench, study, measurement: as for `Predictor.of_study`.
+    """
+    try:
+        kept = kept_posterior(bench.registry, study)
+    except UserError as error:
+        return None, str(error)
+    if kept is None:
+        return None, ""
+    return bands(Ground.of(bench, study, measurement).predictor, kept.posterior, kept.scatter), ""
