@@ -1,6 +1,7 @@
 """Settings of all tests, and FEM states for those that need some but do not test the FEM."""
 
 import csv
+import os
 from pathlib import Path
 
 import pytest
@@ -26,3 +27,10 @@ def fem_states() -> list[dict[str, float]]:
     table = Path(__file__).parent / "data" / "fem_states.csv"
     with table.open(encoding="utf-8", newline="") as file:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+@pytest.fixture(scope="session")
+def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One store for tests that fit the same meta-model, whichever worker runs them: it is fitted once."""
+    place = tmp_path_factory.getbasetemp()
+    return (place.parent if "PYTEST_XDIST_WORKER" in os.environ else place) / "shared_store"
