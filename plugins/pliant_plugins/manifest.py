@@ -408,6 +408,15 @@ def _effects() -> list[Component]:
             "pressure lengthens the chain",
             {"strain_per_mpa": 0.83},
         ),
+        "learned": (
+            "Learned",
+            "a curve that was learned, for what no listed effect explains",
+            {
+                "acts_on": "moment",
+                "covariates": [{"name": "angle", "low": -0.1, "high": 0.5}],
+                "value": [0, 0.0004, -0.0002, -0.0006],
+            },
+        ),
     }
     return [
         Component(

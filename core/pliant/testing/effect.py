@@ -16,7 +16,7 @@ from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.rollout import Inputs, Rollout, TaskResult
-from pliant.testing import Finding, Subject, agree, declared, require, require_refused
+from pliant.testing import CheckSkipped, Finding, Subject, agree, declared, require, require_refused
 from pliant.testing.effect_bench import (
     ANGLES,
     PRESSURES,
@@ -78,8 +78,12 @@ def declares_place_and_parameters(subject: Subject) -> None:
 
 @declared
 def has_a_strength(subject: Subject) -> None:
-    """at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it."""
+    """at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it; none where
+    `fitted` is False."""
     roles = {p.name: p.role for p in parameters(subject)}
+    if not type(subject.build()).fitted:
+        require(not roles, f"fitted is False, and yet {', '.join(roles)} may be fitted: drop one of the two")
+        return
     how = "calibration would have nothing to fit; declare fields by `parameter(…)`"
     require(roles, f"the effect has no parameters: {how}")
     shapes = f"{', '.join(roles)} are all shapes; which one makes the effect vanish?"
@@ -112,6 +116,8 @@ def config_keeps_the_bounds(subject: Subject) -> None:
 
 def neutral_values_change_nothing(subject: Subject) -> None:
     """with every strength neutral the effect vanishes, whatever its shape."""
+    if not type(subject.build()).fitted:
+        raise CheckSkipped("its numbers are data, and none of them makes it vanish")
     plain, neutral = sample_model(subject), applied(subject, absent(subject))
     for place, sight in SIGHTS.items():
         finding = f"with every strength neutral the {place} differs"
