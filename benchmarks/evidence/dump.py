@@ -19,7 +19,9 @@ from benchmarks.output import parser_of
 
 from pliant.store.store import write_atomically
 
-NOTHING = Plan(seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, quick=0, plan=0, improve=0)
+NOTHING = Plan(
+    seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, quick=0, rods=0, plan=0, improve=0
+)
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload", *QUICK_PROTOCOLS)
 
 

@@ -266,7 +266,7 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
         "unknown_by_form": each(share, unknown, "kind"),
         "unknown_by_robot": each(share, unknown, "robot"),
         "by_form": {kind: each(both, rows, "form") for kind, rows in _grouped(effects, "kind").items()},
-        **{name: _quick(of.get(name, [])) for name in ("midway", "coarse")},
+        **{name: _quick(of.get(name, [])) for name in ("midway", "coarse", "rod")},
         "pairs": both(pairs),
         "ambiguous": {g: share(rows, lambda i: i.outcome == "ambiguous") for g, rows in of.items()},
         "credible_set": _credible(stated),

@@ -25,6 +25,7 @@ class Robot:
         modules, length_m, mass_kg: number of modules; length and mass of each.
         outputs: what its bench reads: `angle_rad` is the sum of the joint angles, tips are in the world.
         second: what a second sensor reads, in the runs that have it.
+        law: k_n, m_a, m_e, b_e of the study, and the whole truth of one that bends by joints.
         drive: the input's name; `drive_max` its largest value, which acts as `PRESSURE_MAX_PA` does.
     """
 
@@ -36,6 +37,7 @@ class Robot:
     second: tuple[str, ...] = ()
     drive: str = "pressure_pa"
     drive_max: float = PRESSURE_MAX_PA
+    law: tuple[float, float, float, float] = (K_N, M_A, M_E, B_E)
 
     @property
     def piece_lengths_m(self) -> Array:
@@ -57,13 +59,14 @@ class Robot:
     def study(self, name: str) -> str:
         """The study that the diagnoser gets: a stated law and a chain, nothing of the truth."""
         per_drive = PRESSURE_MAX_PA / self.drive_max
+        k_n, m_a, m_e, b_e = self.law
         return STUDY.format(
             name=name,
             drive=self.drive,
-            k_n=K_N * per_drive,
-            m_a=M_A * per_drive,
-            m_e=M_E,
-            b_e=B_E,
+            k_n=k_n * per_drive,
+            m_a=m_a * per_drive,
+            m_e=m_e,
+            b_e=b_e,
             modules=self.modules,
             length=self.length_m * 1e3,
             mass=self.mass_kg * 1e3,
@@ -95,4 +98,6 @@ FOUR = Robot(
 FINGER = Robot(
     "finger", 3, 0.030, 0.004, tuple(f"joint_{k}_angle_rad" for k in (1, 2, 3)), TIPS, "tendon_force_n", 9.0
 )
+# An elastic rod with a tendon, which `rod_truth.py` follows: law and mass are fitted to it at rest.
+ROD = Robot("rod", 1, 0.080, 0.0040021, ("angle_rad",), law=(1.471785e-6, 2.18347e-8, -6.69920e-4, 0.0279465))
 ROBOTS = {robot.name: robot for robot in (JOINT, CHAIN, FOUR, FINGER)}

@@ -61,6 +61,7 @@ COUNTS = {
     "poor": "sets per effect under the poor protocol",
     "noload": "sets per effect without load steps",
     "quick": "sets per quick effect under midway and coarse",
+    "rods": "sets per effect of a rod",
     "plan": "poor sets that get two more runs, proposed and random",
     "improve": "sets per effect that are improved",
     "other_every": "every this many-th set is made of the kind's other robot; 0: none",

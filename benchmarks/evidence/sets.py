@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth
+from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, rod_truth
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
-from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, ROD, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
 from benchmarks.evidence.truths import (
@@ -35,6 +35,7 @@ ENGINES: dict[str, Any] = {
     "mujoco": mujoco_truth,
     "explicit": explicit_truth,
 }
+ALL_ROBOTS = {**ROBOTS, ROD.name: ROD}
 SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
@@ -125,7 +126,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         RuntimeError: an engine did not follow the truth.
     """
     rng = spec.generator()
-    robot = ROBOTS[spec.robot]
+    robot = ALL_ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
     truth = draw(spec.kind, spec.engine, robot, spec.split, rng)
     slips = rng.standard_normal(len(runs))
@@ -141,7 +142,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     for index, target in enumerate(targets if spec.kind != CLEAN else ()):
         part, guess = truth.alone(index), target / 2
         largest = part.parts[0].largest
-        if spec.engine != "functional":  # the fast engine knows nearly the strength
+        if spec.engine not in ("functional", "rod"):  # the fast engine knows nearly the strength
             still = outputs_of(part, "functional")
             nearly = _scaled(still, largest, still(), sigma, target, guess)
             guess = nearly.strength if nearly.signal > 0 else guess
@@ -171,6 +172,10 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
     """Noiseless outputs of every run: what its sensors read."""
+    if engine == "rod":
+        every = zip(runs, rod_truth.follow(runs, truth.rod), strict=True)
+        kept = ((slice(None) if run.kept is None else run.kept, read) for run, read in every)
+        return [{name: read[name][part] for name in robot.outputs} for part, read in kept]
     outputs = []
     for run, angles, slip in zip(
         runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
@@ -291,7 +296,7 @@ def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed
     The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same
     seed.
     """
-    robot, before = ROBOTS[spec.robot], protocol(spec.protocol, ROBOTS[spec.robot])
+    robot, before = ALL_ROBOTS[spec.robot], protocol(spec.protocol, ALL_ROBOTS[spec.robot])
     truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
     added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
     every = (*before, *added)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from benchmarks.evidence import rod_truth
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.sets import SetSpec
 from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, robots_of
@@ -47,7 +48,7 @@ TURNS = ("joint", "four", "finger", "chain")
 # Whatever changes the measured sets: a change there makes other sets, with other names.
 TRUTH_FILES = (
     "robots skeleton protocols forms form_table sensors truths "
-    "functional_truth mujoco_truth explicit_truth sets"
+    "functional_truth mujoco_truth explicit_truth rod_truth sets"
 )
 
 
@@ -90,6 +91,7 @@ class Plan:
         weak: sets per effect at each of `WEAK_SNR`; `poor`, `noload`: sets per effect and clean ones under these
             protocols.
         quick: sets per quick effect, and clean ones, whose recordings begin in mid-transient, and of coarse ones.
+        rods: sets per effect of a rod, and thrice as many clean ones; judged only, so that no threshold sees a rod.
         plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
         other_every: every this many-th set of a kind is made of its other robot.
         draw: makes other sets of the same seeds; of a sealed run the digest of the code that is judged.
@@ -107,6 +109,7 @@ class Plan:
     poor: int = 2
     noload: int = 1
     quick: int = 8
+    rods: int = 5
     plan: int = 50
     improve: int = 2
     other_every: int = OTHER_EVERY
@@ -128,6 +131,10 @@ class Plan:
         for name, kind, seed in itertools.product(QUICK_PROTOCOLS, (*QUICK, CLEAN), range(self.quick)):
             robot = usual[kind] if seed % 2 == 0 else robots_of(kind)[1]
             every.append(Task(name, self._set(kind, seed, robot, name)))
+        for kind in (*rod_truth.CHANGES, CLEAN) if self.split == "judged" else ():
+            for seed in range(self.rods * (3 if kind == CLEAN else 1)):
+                spec = SetSpec(kind, seed, "rod", "rod", self.protocol, self.split, draw=self.draw)
+                every.append(Task("rod", spec))
         for seed in range(self.plan):
             # Effects in turn, of those that a poor recording of one joint shows.
             spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")

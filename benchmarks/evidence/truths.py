@@ -13,13 +13,15 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
+from benchmarks.evidence import rod_truth
 from benchmarks.evidence.form_table import Split, forms_of
 from benchmarks.evidence.forms import Forms
 from benchmarks.evidence.robots import Robot
+from benchmarks.evidence.rod_truth import Rod
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
 
-Engine = Literal["functional", "mujoco", "explicit"]
+Engine = Literal["functional", "mujoco", "explicit", "rod"]
 Right = tuple[str, ...]
 
 CLEAN = "none"
@@ -102,6 +104,7 @@ class Truth:
     forms: Forms = field(default_factory=Forms)
     body: Body = field(default_factory=Body)
     sensor: Sensor = field(default_factory=Sensor)
+    rod: Rod = field(default_factory=Rod)
 
 
 FIELDS = frozenset((*Forms._fields, *Body.__dataclass_fields__, *Sensor.__dataclass_fields__))
@@ -150,7 +153,8 @@ class HiddenTruth:
             return {name: value for name, value in changes.items() if name in names}
 
         forms = Forms(**{**self.error, **of(Forms._fields)})
-        return Truth(forms, Body(**of(Body.__dataclass_fields__)), Sensor(**of(Sensor.__dataclass_fields__)))
+        body, sensor, rod = (one(**of(one.__dataclass_fields__)) for one in (Body, Sensor, Rod))
+        return Truth(forms, body, sensor, rod)
 
     def alone(self, index: int) -> HiddenTruth:
         """The same truth with one of its parts only."""
@@ -279,8 +283,10 @@ def draw_part(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.ran
     """
     if kind == CLEAN:
         return Part(kind, "", lambda s: {}, 0.0, {})
-    if kind not in CHANGES:
+    if kind not in (rod_truth.CHANGES if engine == "rod" else CHANGES):
         raise ValueError(f"no truth of kind '{kind}'")
+    if engine == "rod":
+        return _rod_part(kind, rng)
     largest, change = CHANGES[kind]
     possible = [
         form
@@ -297,6 +303,17 @@ def draw_part(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.ran
     v = SimpleNamespace(**numbers, robot=robot, read_modules=read_modules)
     fields = {name: value for name, value in numbers.items() if name in FIELDS and name != "scale"}
     return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn)
+
+
+def _rod_part(kind: str, rng: np.random.Generator) -> Part:
+    """An effect of a rod, in MuJoCo's own terms."""
+    largest, name, size, signed = rod_truth.CHANGES[kind]
+    sign = float(rng.choice([-1.0, 1.0])) if signed else 1.0
+    limit = float(rng.uniform(*rod_truth.LIMITS_RAD))
+    drawn = {"sign": sign, "rod_limit_rad": limit}
+    return Part(
+        kind, "a rod in MuJoCo", lambda s: {"rod_limit_rad": limit, name: sign * size * s}, largest, drawn
+    )
 
 
 def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> HiddenTruth:

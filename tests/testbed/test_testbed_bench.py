@@ -274,6 +274,9 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert len(of["poor"]) >= 50 and len(of["improve"]) >= 50
     for name in ("midway", "coarse"):
         assert Counter(spec.kind for spec in of[name]) == dict.fromkeys((*QUICK, CLEAN), 8)
+    assert {spec.robot for spec in of["rod"]} == {"rod"} and not [
+        t for t in Plan().tasks() if t.group == "rod"
+    ]
     for kind in KINDS:  # every engine that follows its robots, and both robots
         mine = [spec for spec in of["effect"] if spec.kind == kind]
         assert {spec.robot for spec in mine} == set(robots_of(kind))
@@ -329,6 +332,7 @@ def test_a_plan_adds_two_runs_and_stops_where_none_is_proposed() -> None:
     assert Job("x", Task("poor", SetSpec("mullins", 0))).next_run(proposed) is None
 
 
+@pytest.mark.slow
 def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = np.linspace(0, 1, 50)
     assert best(lambda s: grid * (s - 0.7), 0.0, 5.0, 1.0) == pytest.approx(0.0, abs=1e-12)
@@ -376,7 +380,9 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     assert read(tmp_path / "none.jsonl") == {}
 
 
-NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "quick", "plan", "improve"), 0)
+NONE = dict.fromkeys(
+    ("clean", "unknown", "pairs", "weak", "poor", "noload", "quick", "rods", "plan", "improve"), 0
+)
 THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NONE)  # type: ignore[arg-type]
 
 

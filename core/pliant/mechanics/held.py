@@ -12,14 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.mechanics.terms import Contribution, LawTerms, TermMemory
+from pliant.mechanics.terms import Contribution
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
+from pliant.records.term import LawTerm
 
 # Imposed coordinate → the effort that is read, by the kind of joint.
 HELD = {"prismatic": "held_elongation_strain", "revolute": "held_angle_rad"}
@@ -67,34 +69,39 @@ def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequ
         histories: inputs and conditions that reach the chain, runs of a specimen in their order.
         paths: see `imposed`.
     """
-    terms = LawTerms(chain.terms, (1, 1))
-    kept = np.array([term.keeps for term in chain.terms for _ in range(term.n_states)], bool)
-    damage: dict[str, Array] = {}
+    damage: dict[tuple[str, int], list[float]] = {}
     found = []
     for history, path in zip(histories, paths, strict=True):
-        memory = terms.rested()
-        memory.states[:, :, kept] = damage.get(history.specimen, 0.0)
-        parts, memory = _along(terms, chain, history, path, memory)
-        damage[history.specimen] = memory.states[:, :, kept]
+        zeros, ones = np.zeros((2, len(path))), np.ones((2, len(path)))
+        parts = Contribution(zeros[0], ones[0], ones[1], zeros[1])
+        for number, term in enumerate(chain.terms):
+            kept = damage.get((history.specimen, number)) if term.keeps else None
+            values, damage[history.specimen, number] = _along(
+                term, chain, history, path, kept or [0.0] * term.n_states
+            )
+            whole = getattr(parts, term.role)
+            whole[:] = whole + values if term.role in ("moment", "rest") else whole * values
         found.append(_combined(chain, history.actuation, path, parts))
     return found
 
 
 def _along(
-    terms: LawTerms, chain: ChainModel, history: History, path: Array, memory: TermMemory
-) -> tuple[Contribution, TermMemory]:
-    """The terms' values (t,) sample by sample, and their memory at the end."""
+    term: LawTerm, chain: ChainModel, history: History, path: Array, old: list[float]
+) -> tuple[Array, list[float]]:
+    """A term's values (t,) sample by sample, and its memory at the end; plain lists, for a tester samples often."""
+    net = np.sum([a.sign * history.actuation[a.input] for a in chain.actuators], axis=0)
     steps = np.full(len(path), math.inf)
     if history.time_s is not None:
         steps[1:] = np.diff(history.time_s)
-    net = np.sum([a.sign * history.actuation[a.input] for a in chain.actuators], axis=0)
-    values = np.zeros((4, len(path)))
-    values[1:3] = 1.0
-    for k, at in enumerate(path if terms.terms else ()):
-        memory = replace(memory, dt_s=float(steps[k]), temperature_c=float(history.temperature_c[k]))
-        now, memory = terms.step(np.array([[at]]), float(net[k]), memory)
-        values[:, k] = now.moment[0, 0], now.elastic[0, 0], now.actuation[0, 0], now.rest[0, 0]
-    return Contribution(*values), memory
+    rates = np.diff(path, prepend=path[:1]) / steps
+    numbers, function, values = term.numbers(0), term.function, []
+    columns = (path, rates, steps, net, history.temperature_c)
+    samples = zip(*(column.tolist() for column in columns), strict=True)
+    for u, rate, step, pushed, warmth in samples:
+        new: Any = old.copy()
+        values.append(function(u, rate, step, pushed, warmth, cast(Any, old), new, cast(Any, numbers)))
+        old = new
+    return np.array(values), old
 
 
 def _combined(chain: ChainModel, actuation: Mapping[str, Array], path: Array, parts: Contribution) -> Array:

@@ -81,12 +81,7 @@ class LawTerms:
 
     def advance(self, q: Array, actuation: float, memory: TermMemory) -> TermMemory:
         """The memory after the step has ended at q (n, a)."""
-        return self.step(q, actuation, memory)[1]
-
-    def step(self, q: Array, actuation: float, memory: TermMemory) -> tuple[Contribution, TermMemory]:
-        """Values at the end of a step, and the memory after it."""
-        values, states = self._evaluate(q, actuation, memory)
-        return values, replace(memory, previous=q.copy(), states=states)
+        return replace(memory, previous=q.copy(), states=self._evaluate(q, actuation, memory)[1])
 
     def _evaluate(self, q: Array, actuation: float, memory: TermMemory) -> tuple[Contribution, Array]:
         values = Contribution(

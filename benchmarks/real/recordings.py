@@ -1,0 +1,113 @@
+"""What the measured benches share: recordings split by run, errors of a study on a file, and the page's sections.
+
+All of it is what a user has: `pliant.open`, `compare`, `diagnose`, `improve`, `api.law_of_runs`.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.output import REFERENCE, ROOT
+
+import pliant
+from pliant.notebook.study import StudyHandle
+from pliant.records.design import Array
+from pliant.store.store import write_atomically
+
+MEASURED = REFERENCE.parent / "measured"
+PAGE = ROOT / "docs" / "what_real_data_taught_us.md"
+PICTURES = ROOT / "docs" / "pictures"
+Row = Mapping[str, str]
+
+
+def missing(*names: str) -> bool:
+    """Whether a recording is not here, which is said."""
+    absent = [MEASURED / name for name in names if not (MEASURED / name).is_file()]
+    if absent:
+        print(f"skipped: {absent[0]} is not here")
+    return bool(absent)
+
+
+def runs_of(names: Iterable[str], key: str = "run") -> dict[str, list[Row]]:
+    """The rows of each run of some files, in their order."""
+    found: dict[str, list[Row]] = defaultdict(list)
+    for name in names:
+        with (MEASURED / name).open(encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                found[row[key]].append(row)
+    return dict(found)
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    """A CSV of rows with the same columns."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+    return path
+
+
+def residuals(study: StudyHandle, data: Path) -> dict[str, dict[str, Array]]:
+    """By run and output, (t,) measured − model in SI, of what `compare` finds on a file."""
+    table = study.compare(data).to_frame()
+    run, output, values = (np.asarray(table[name]) for name in ("run", "output", "residual"))
+    found: dict[str, dict[str, Array]] = {}
+    for name in dict.fromkeys(run.tolist()):
+        outputs = dict.fromkeys(output[run == name].tolist())
+        found[name] = {o: values[(run == name) & (output == o)].astype(float) for o in outputs}
+    return found
+
+
+def rms(values: Array) -> float:
+    """Root mean square of what was read; NaN of nothing."""
+    there = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(there**2))) if len(there) else float("nan")
+
+
+def improved(study: StudyHandle, new: Path) -> tuple[Any, StudyHandle]:
+    """What `improve` found, and the study that it wrote; the study as it was where it added nothing."""
+    found = study.improve(out=new)
+    added = found.record.final is not None
+    return found.record, pliant.open(new, store=study.opened.bench.store.root) if added else study
+
+
+def publish(section: str, lines: Sequence[str]) -> None:
+    """Put the lines between the marks of a section of the page; its prose around them is written by hand."""
+    begin, end = f"<!-- {section}: written by benchmarks/real -->", f"<!-- {section}: end -->"
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(begin)
+    _, found, after = rest.partition(end)
+    assert found, f"{PAGE} has no section '{section}'"
+    body = "\n".join(lines).strip()
+    write_atomically(PAGE, f"{before}{begin}\n\n{body}\n\n{end}{after}")
+
+
+def first_sentence(reason: str) -> str:
+    """The first sentence of what `improve` says at its end: the page has no room for every look at the bench."""
+    return f"{reason.split('. ')[0].rstrip('.')}."
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """A Markdown table."""
+    body = [" | ".join(row) for row in rows]
+    return [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *(f"| {row} |" for row in body), ""]
+
+
+def main_of(files: Sequence[str], doc: str | None, work: Callable[[Path, bool], None]) -> None:
+    """Run a bench in a folder that is kept while it runs; `--page` draws and publishes too."""
+    import tempfile
+
+    from benchmarks.output import parser_of
+
+    parser = parser_of(doc)
+    parser.add_argument("--page", action="store_true", help="draw the pictures and write the page's section")
+    asked = parser.parse_args()
+    if missing(*files):
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        work(Path(folder), asked.page)
