@@ -1,6 +1,7 @@
 """How long the command line takes to answer: `pliant --help`, an error in a study, `make demo` a second time.
 
     python -m benchmarks.startup
+    python -m benchmarks.startup --mistakes    twelve typical mistakes instead, in CPU seconds
 
 Each is timed in turns with `import numpy`, several times, and the smallest times are compared: ratios hold on any
 machine, seconds on this one. Modules are compiled by the first run, as an installation compiles them.
@@ -14,6 +15,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+from benchmarks.mistakes import table
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples" / "first_finger"
@@ -74,6 +77,8 @@ def measured(folder: Path) -> tuple[float, dict[str, float]]:
 def main() -> None:
     """Print the figures; exit code 1 where one is above its limit."""
     with tempfile.TemporaryDirectory() as folder:
+        if "--mistakes" in sys.argv[1:]:
+            raise SystemExit(1 if table(Path(folder), compiled(Path(folder)), TURNS) else 0)
         base, times = measured(Path(folder))
     print(f"python -c 'import numpy'   {base:6.3f} s")
     late = False

@@ -32,8 +32,8 @@ from pliant.diagnosis.counts_diagnosis import (
 )
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
+from pliant.report.count_answers import counted as of
 from pliant.report.count_hypotheses import level_text
-from pliant.report.counts import counted as of
 from pliant.report.counts import interpret_counts
 from pliant.report.figures.success_shares import Series, success_shares
 

@@ -41,9 +41,12 @@ def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read
     assert share["low"] < share["value"] < share["high"] and share["sd"] > 0 and share["unit"] == "1"
     assert "90 % between" in new.read_text() and "fitted to bench.csv (sha256 " in new.read_text()
     assert "times the noise on conditions left out" in call.out
+    pliant("compare", joint, "--json", "base.json").done()
     pliant("compare", new, "--json", "c.json").done()
     error = read("c.json")["outputs"]["angle_rad"]["rmse"]
     assert error == pytest.approx(result["after"]["outputs"]["angle_rad"]["rmse"], rel=1e-3)
+    pages = [read(one)["report"] for one in ("base.json", "c.json")]  # neither writes over the other's
+    assert pages[0] != pages[1] and all((workplace / page).exists() for page in pages)
 
 
 @pytest.mark.slow
@@ -139,7 +142,8 @@ def test_improve_walks_to_the_floor(pliant, joint, read, workplace):
     assert steps[1]["heldout"]["angle_rad"]["unit"] == "rad"
     assert result["stop"] == "nothing_missing" and result["locked_runs"]
     assert result["final_study"] == str(workplace / "joint-improved.yaml")
-    assert "runs put aside" in (workplace / "joint-improved.yaml").read_text()
+    new = (workplace / "joint-improved.yaml").read_text()
+    assert "runs put aside" in new and "\nname: joint-improved\n" in new
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
     assert "creeping" in page and "http" not in page.replace("http-equiv", "")
     assert "falls from" in call.out
@@ -155,6 +159,7 @@ def test_improve_leaves_a_good_model_alone(pliant, joint, read, workplace):
     assert not (workplace / "new.yaml").exists() and "No study was written" in call.out
 
 
+@pytest.mark.slow
 def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tables, read):
     (workplace / "short.csv").write_text(tables["short"])
     call = pliant("improve", joint, "--data", "short.csv", *FEW, "--json", "r.json").done()

@@ -14,8 +14,11 @@ from tests.slow import slow_among
 
 import pliant as pliant_package
 from pliant import api
+from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.measurements.block import advised, block_text, files_and_notes
+from pliant.pipeline.chain import base_rotation
+from pliant.registry.discovery import discover
 from pliant.report.document import Table
 from pliant.report.importing import _values
 from pliant.report.render import terminal
@@ -110,6 +113,18 @@ def test_a_refusal_has_the_block_with_the_missing_line_as_a_choice(name, saved):
         assert {key: value} in advised([str(refused.value)])
 
 
+def test_files_of_two_loggers_are_refused_with_one_block_that_joins_them(saved, pliant, tmp_path):
+    saved(FILES["two loggers with clocks of their own"])
+    said = pliant("import", "pressure.csv", "camera.csv")
+    assert said.code == 2 and said.err.count("measurements:") == 1
+    notes = taken(said.err.partition("\n\n")[2])
+    assert notes == {"file": "camera.csv", "join": {"file": "pressure.csv", "shift": "0 s"}}
+    read, _ = api.read(notes.pop("file"), notes)
+    assert len(read.runs) == 1 and "pressure_pa" in read.runs[0].history.actuation
+    alone = taken(pliant("import", "pressure.csv").err.partition("\n\n")[2])
+    assert alone["join"] == "pressure.csv" != alone["file"]
+
+
 @pytest.mark.parametrize("name", [name for name, file in FILES.items() if file.refused and not file.answer])
 def test_what_cannot_be_read_is_refused_in_a_sentence(name, saved, pliant):
     called = pliant("import", *saved(FILES[name]))
@@ -140,13 +155,14 @@ def test_notes_may_stand_behind_the_files(saved, pliant):
     pliant("import", "units.angle_rad=deg").refused("name the recording")
 
 
+@pytest.mark.slow
 def test_a_new_study_runs_once_three_lines_are_filled_in(saved, pliant, tmp_path):
     saved(FILES["degrees called radians"])
     (tmp_path / "studies").mkdir()
     pliant("import", "a.csv", "units.angle_rad=deg", "--out", "studies/new.yaml").done()
     study = tmp_path / "studies" / "new.yaml"
     assert "file: ../a.csv" in study.read_text()
-    assert study.read_text().count("<-") == 3
+    assert study.read_text().count("<-") == 3 and "pliant fit TABLE.csv" in study.read_text()
     pliant("compare", study).refused("k_n", "b_e", "module_mass")
     for empty, filled in (
         ("k_n: ", "k_n: 1.2e-6"),
@@ -156,6 +172,14 @@ def test_a_new_study_runs_once_three_lines_are_filled_in(saved, pliant, tmp_path
         study.write_text(study.read_text().replace(empty, filled))
     study.write_text(study.read_text().replace("module_mass:", "module_mass: 40 g"))
     assert "bend angle" in pliant("compare", study).done().out
+    ways = {"": (0, 0, -1, 1, 0, 0), "[1, 0, 0]": (1, 0, 0, 0, 0, 1), "[0, 1, 0]": (0, 1, 0, 1, 0, 0)}
+    for (
+        direction,
+        way,
+    ) in ways.items():  # as its comment says: the chain's axis at rest, and where its tip bends to
+        loaded = load_study(study, discover(), [f"chain.base.direction={direction}"] if direction else [])
+        rotation = base_rotation(loaded.chain.base)
+        assert np.allclose([*rotation[:, 0], *-rotation[:, 2]], way, atol=1e-12)
     pliant("import", "a.csv", "--out", study).refused("there already")
 
 

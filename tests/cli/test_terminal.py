@@ -13,6 +13,7 @@ from rich.console import Console
 
 from pliant.cli import bars
 from pliant.execution import progress
+from pliant.records.remark import Rank, Remark
 from pliant.report.document import Document, Picture, Warned, drawn
 from pliant.report.fitted import caveat
 from pliant.report.improvement import steps_brief
@@ -98,11 +99,11 @@ def test_nothing_is_cut(joints: int) -> None:
 
 
 REMARKS = (
-    "Column 'foto' is not known and is ignored; did you mean time_s?",
+    Remark("Column 'foto' is ignored.", Rank.DETAIL),
     "There is one run only: nothing repeats, and no run can be held out.",
-    "'leak' was left out: effect 'leak' needs a pressure.",
-    "angle_rad: no repeats and no sigma.",
-    "Unit to check: pressure_pa reaches 150.",
+    Remark("'leak' was left out: effect 'leak' needs a pressure.", Rank.DETAIL, "leak"),
+    Remark("angle_rad: no repeats and no sigma.", Rank.FLOOR),
+    Remark("Unit to check: pressure_pa reaches 150.", Rank.UNIT),
     "Readings of run 'a' are missing.",
     "Readings of run 'b' are missing.",
 )

@@ -68,6 +68,23 @@ def with_new(draft, refit=False):
     return draft
 
 
+@pytest.mark.parametrize(
+    ("target", "overrides", "name"),
+    [
+        ("study-improved.yaml", (), "finger-improved"),
+        ("study+friction_hysteresis.yaml", (), "finger-friction_hysteresis"),
+        ("in March (2).yaml", (), "in-March-2"),
+        ("elsewhere/study.yaml", (), "finger-2"),
+        ("elsewhere/finger.yaml", (), "finger-2"),
+        ("new.yaml", ("name=mine",), "mine"),
+    ],
+)
+def test_a_new_study_has_a_name_of_its_own(draft, tmp_path, target, overrides, name):
+    made = draft(HEAD, overrides)
+    assert made.name_after(tmp_path / target) == made.values["name"] == name
+    assert f"name: {name}\n" in made.text(tmp_path / target)
+
+
 @FORMS
 @pytest.mark.parametrize("refit", [False, True])
 @pytest.mark.parametrize("listed", LISTS.values(), ids=LISTS)

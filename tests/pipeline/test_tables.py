@@ -421,6 +421,16 @@ def test_a_missing_mapping_is_answered_with_lines_that_work(tmp_path: Path) -> N
     says_the_states(path)
 
 
+def test_names_that_say_nothing_are_asked_for_in_their_order_with_what_no_header_says(tmp_path: Path) -> None:
+    path = table(tmp_path, "a,b,c\n" + "\n".join(f"{p},{u},{m}" for p, u, m in STATES))
+    with pytest.raises(UserError, match="half a module") as caught:
+        read_table(path)
+    block = str(caught.value).split("meant so):\n")[1]
+    assert "angle: module  # or: half_module" in block and "moment: opposes actuation  # or" in block
+    path.with_suffix(".yaml").write_text(block)
+    says_the_states(path)
+
+
 SLOPED = f"{HEAD},dmoment_dp,dmoment_du,wall_mm\n"
 
 

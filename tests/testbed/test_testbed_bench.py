@@ -332,6 +332,7 @@ def test_a_plan_adds_two_runs_and_stops_where_none_is_proposed() -> None:
     assert Job("x", Task("poor", SetSpec("mullins", 0))).next_run(proposed) is None
 
 
+@pytest.mark.slow
 def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = np.linspace(0, 1, 50)
     assert best(lambda s: grid * (s - 0.7), 0.0, 5.0, 1.0) == pytest.approx(0.0, abs=1e-12)

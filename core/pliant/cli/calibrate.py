@@ -111,7 +111,8 @@ def write_study(
         shares = [number(sd * (1e-3 if modulus else 1), 2) for c, sd in sds if c.field == field]
         remark = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
         draft.set(("material", key), listed or _written(value, modulus), remark)
-    draft.write(target, {**study.canonical(), "material": rounded.canonical()}, registry, full)
+    meant = {**study.canonical(), "name": draft.name_after(target), "material": rounded.canonical()}
+    draft.write(target, meant, registry, full)
 
 
 def _text(value: float, is_modulus: bool) -> str:

@@ -32,6 +32,7 @@ from pliant.registry.discovery import Registry
 from pliant.units import UnitError, parse_quantity, si_unit, strip_unit_suffix
 
 DIGITS = 16  # of the base's digest
+LONGEST_NAME = 100
 # A remark of an earlier fit gives way to the new one; what people wrote behind it stays.
 GENERATED = re.compile(r"# (?:fitted to |[^#]* ± )[^#]*(?=#|$)")
 
@@ -77,6 +78,20 @@ class StudyDraft:
                 node = node[written[-1]]
         if remark:
             self._remarks[tuple(written)] = " ".join(remark.split()).replace("#", "no. ")
+
+    def name_after(self, target: Path) -> str:
+        """Give the study a name of its own, after its file; that of an override stays.
+
+        The output folders of commands are called after the study: with its base's name it would write over them.
+        """
+        base, now = str(self._base.values["name"]), str(self.values["name"])
+        if now != base:
+            return now
+        stem, own = name_of_file(self._source), name_of_file(target)
+        named = f"{base}{own.removeprefix(stem)}" if own.startswith(stem) else own
+        named = f"{base}-2" if named in ("", base) else named
+        self.values["name"] = named[-LONGEST_NAME:].lstrip("-._")
+        return str(self.values["name"])
 
     def drop(self, key: str) -> None:
         """Leave a block out."""
@@ -161,6 +176,11 @@ def refuse_bases(target: Path, source: StudyFile) -> None:
         raise UserError(
             f"{target} is a base of {source.files[0].name}, which is never overwritten; give another --out."
         )
+
+
+def name_of_file(path: Path) -> str:
+    """A file's stem as the name of a study: what a name cannot hold becomes a hyphen; may be empty."""
+    return re.sub(r"[^A-Za-z0-9._]+", "-", path.stem).strip("-._")
 
 
 def yaml_writer() -> YAML:

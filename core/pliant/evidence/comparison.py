@@ -40,6 +40,7 @@ from pliant.measurements.floors import floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 
 AGAINST = -0.5  # a correlation below it is no missing effect: it is a sign
 FEWEST = 10
@@ -198,10 +199,13 @@ def compare(
 def _remarks(
     measurement: Measurement, names: Sequence[str], residuals: Residuals, noiseless: Sequence[str]
 ) -> list[str]:
-    remarks = []
+    remarks: list[str] = []
     if noiseless:
         remarks.append(
-            f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with."
+            Remark(
+                f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with.",
+                Rank.FLOOR,
+            )
         )
     lost = sum(
         int((np.isfinite(run.outputs[name]) & ~np.isfinite(error[name])).sum())
@@ -217,7 +221,10 @@ def _remarks(
     return remarks
 
 
+LARGE = 0.25  # of the squared error
+STANDS_OUT = 0.15  # of the squared error more than of the readings
 DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
+ONE_SIDED = 0.5  # of the rms error there: with a smaller mean the error has both signs
 CLUE = 0.15  # of the error's variance
 LIFT = 1.25  # a narrower place is named when its error is denser by so much…
 KEPT = 0.8  # …and it keeps so much of the error
@@ -231,7 +238,8 @@ def interpret(comparison: Comparison) -> str:
         return f"{_size(comparison)}. {why}{f' What stands out of it: {_place(place)}' if place else ''}"
     low, high = comparison.rmse_over_floor_interval
     left = Excess(comparison.rmse_over_floor, (high - low) / (2.0 * STANDARD_ERRORS))  # about 95 %
-    if not comparison.significant:
+    where = headline(comparison)
+    if where is None and not comparison.significant:
         if left.small:
             return (
                 f"Within the noise: the error is {times(comparison)} the noise floor and no condition stands out. "
@@ -246,30 +254,39 @@ def interpret(comparison: Comparison) -> str:
         if not left.slight
         else f"The error is {times(comparison)} the noise, so little is left to explain, yet it is no pure noise"
     )
-    where = headline(comparison)
     if where is None and left.slight:
         where = max(comparison.significant, key=lambda place: abs(place.z))
     if where is None:
-        return f"{start}; the error is spread over all conditions alike{_bias(comparison)}.{_goes_with(comparison)}"
+        return f"{start}; the error is spread over all conditions{_bias(comparison)}.{_goes_with(comparison)}"
     return f"{start}; {_place(where)}{_goes_with(comparison)}"
 
 
 def headline(comparison: Comparison) -> Place | None:
-    """The place to look at first: the worst, or a narrower one inside it where the error is clearly denser."""
-    significant = [
-        p for p in comparison.worst if p.significant and p.share_of_error > DENSER * p.share_of_samples
+    """Where most of the squared error is, or a narrower place inside it where it is clearly denser.
+
+    Only places whose share of it is large and stands out: beyond noise, and clearly more of the error than of the
+    readings. Of those that overlap, the one with the most error beyond its part of the readings.
+    """
+    standing = [
+        place
+        for place in comparison.places
+        if place.more_than_noise
+        and place.share_of_error >= LARGE
+        and place.excess >= STANDS_OUT
+        and place.share_of_error > DENSER * place.share_of_samples
     ]
-    if not significant:
+    if not standing:
         return None
-    top = significant[0]
+    top = max(standing, key=lambda place: place.excess)
     narrower = [
         place
-        for place in significant[1:]
-        if top.condition in place.condition
+        for place in standing
+        if place is not top
+        and top.condition in place.condition
         and place.share_of_error >= KEPT * top.share_of_error
         and place.rms_over_floor**2 >= LIFT * top.rms_over_floor**2
     ]
-    return narrower[0] if narrower else top
+    return max(narrower, key=lambda place: place.share_of_error) if narrower else top
 
 
 def times(comparison: Comparison) -> str:
@@ -296,11 +313,16 @@ def _missing(comparison: Comparison) -> str:
 
 def _place(place: Place) -> str:
     """How much of the error lies at a place, and which way it goes."""
-    mean, words = place.outputs[place.output].mean, unit_of(place.output)
+    there, words = place.outputs[place.output], unit_of(place.output)
+    mean = there.mean
+    way = (
+        f"There the measured {words.label} lies {words.text(abs(mean), 2)} {_side(mean)} the model on average."
+        if abs(mean) >= ONE_SIDED * there.rms
+        else f"There the measured {words.label} is off by {words.text(there.rms, 2)} rms, to both sides of the model."
+    )
     return (
         f"{whole_percent(place.share_of_error)} of the squared error is at {place.condition} "
-        f"({whole_percent(place.share_of_samples)} of the readings). "
-        f"There the measured {words.label} lies {words.text(abs(mean), 2)} {_side(mean)} the model on average."
+        f"({whole_percent(place.share_of_samples)} of the readings). {way}"
     )
 
 

@@ -171,7 +171,10 @@ LARGEST_Z = 99.0
 
 @dataclass(frozen=True, eq=False)
 class BinMeans:
-    """(b,) each: count, effective count, mean, its standard error, z and two-sided p, sum of squares."""
+    """(b,) each: count, effective count, mean, its standard error, z and two-sided p, sum of squares and its p.
+
+    The p of the sum is that of errors which need not have one sign.
+    """
 
     n: Array
     n_effective: Array
@@ -181,6 +184,7 @@ class BinMeans:
     z: Array
     p: Array
     squares: Array
+    p_squares: Array
 
 
 def bin_means(
@@ -216,7 +220,26 @@ def bin_means(
     flat, every = np.concatenate(residuals), np.concatenate(codes)
     there = np.isfinite(flat)
     squares = np.asarray(np.bincount(every[there], flat[there] ** 2, n_bins), float)
-    return BinMeans(n, effective, mean, error, freedom, z, p, squares)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        p_squares = _p_of_squares(squares / n, effective, n**2 / square, noise)
+    return BinMeans(n, effective, mean, error, freedom, z, p, squares, p_squares)
+
+
+def _p_of_squares(mean_square: Array, effective: Array, runs: Array, noise: Noise) -> Array:
+    """(b,) chance that noise alone gives so large a mean square; NaN in an empty bin.
+
+    Over its expectation σ_w² + σ_b² it is taken for an F with the degrees of freedom that its variance has
+    (Satterthwaite 1946): σ_w² from the effective readings, σ_b² from the runs.
+    """
+    within, between = noise.within**2, noise.between**2
+    expected = within + between
+    if expected <= 0:
+        return np.where(mean_square > 0, 0.0, 1.0)
+    freedom = expected**2 / (within**2 / effective + between**2 / runs)
+    known = expected**2 / max(
+        within**2 / noise.freedom_within + between**2 / noise.freedom_between, 1e-9 * expected**2
+    )
+    return np.asarray(scipy.stats.f.sf(mean_square / expected, freedom, known), float)
 
 
 def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -> Array:
@@ -271,6 +294,7 @@ class Place:
         output: that output.
         significant: whether any output's mean error stands after correction for all places.
         outputs: see `PlaceOutput`.
+        loud: whether any output's mean square does, of one sign or not.
     """
 
     covariate: str
@@ -283,6 +307,12 @@ class Place:
     output: str
     significant: bool
     outputs: Mapping[str, PlaceOutput]
+    loud: bool = False
+
+    @property
+    def more_than_noise(self) -> bool:
+        """Whether the error here, of one sign or not, is more than noise."""
+        return self.significant or self.loud
 
     @property
     def excess(self) -> float:
@@ -309,13 +339,15 @@ def find_places(
         }
         for bins, part in parts
     ]
-    p = [m.p[k] for means in tested for m in means.values() for k in np.flatnonzero(m.n)]
-    accepted = iter(significant(np.array(p), LEVEL).tolist())
+    filled = [(m, k) for means in tested for m in means.values() for k in np.flatnonzero(m.n)]
+    accepted = iter(significant(np.array([m.p[k] for m, k in filled]), LEVEL).tolist())
+    heard = iter(significant(np.array([m.p_squares[k] for m, k in filled]), LEVEL).tolist())
     total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
     readings = sum(int(np.isfinite(run[o]).sum()) for run in residuals for o in noise)
     places = []
     for (bins, _), means in zip(parts, tested, strict=True):
         flags = {o: [bool(n and next(accepted)) for n in m.n] for o, m in means.items()}
+        loud = {o: [bool(n and next(heard)) for n in m.n] for o, m in means.items()}
         for k, words in enumerate(bins.words):
             outputs = {o: _place_output(m, k, flags[o][k]) for o, m in means.items() if m.n[k]}
             n = sum(entry.n for entry in outputs.values())
@@ -335,6 +367,7 @@ def find_places(
                     output=loudest,
                     significant=any(entry.significant for entry in outputs.values()),
                     outputs=outputs,
+                    loud=any(loud[o][k] for o in outputs),
                 )
             )
     return tuple(places)
@@ -373,7 +406,7 @@ def _along_chain(
 
 
 def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:
-    """Places that hold more of the error than of the readings: significant ones first, then by that excess.
+    """Places that hold more of the error than of the readings: those above the noise first, then by that excess.
 
     Of places that hold the same readings only the first is listed.
     """
@@ -384,7 +417,7 @@ def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, .
         if print_ not in seen and place.excess > NOTABLE:
             seen.add(print_)
             different.append(place)
-    return tuple(sorted(different, key=lambda place: (not place.significant, -place.excess))[:count])
+    return tuple(sorted(different, key=lambda place: (not place.more_than_noise, -place.excess))[:count])
 
 
 def _place_output(means: BinMeans, k: int, flag: bool) -> PlaceOutput:

@@ -159,6 +159,11 @@ class Predictor:
         return self._base.chain
 
     @property
+    def main_axis(self) -> int:
+        """Which of a joint's coordinates is the main one."""
+        return self._geometry.main
+
+    @property
     def remarks(self) -> list[str]:
         """What was measured and the model does not have, in a sentence."""
         return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
@@ -195,6 +200,12 @@ class Predictor:
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached, parts), failed)
 
+    def paths(self, effects: Sequence[EffectConfig] = ()) -> tuple[tuple[History, ...], tuple[Followed, ...]]:
+        """What reaches the chain in each run, effects' input maps done, and how the chain follows."""
+        model = self._changed(self._base, effects)
+        reached = tuple(model.commanded(h) for h in self._histories)
+        return reached, self.backend.follow(model.chain, reached)[0]
+
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
@@ -219,6 +230,12 @@ class Predictor:
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
             return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
         driven = tuple(_reached(model, self._histories, parts))
+        if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
+            paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
+            base = self._read(model, paths, driven, parts)
+            failed = int(sum((~path.converged).sum() for path in paths))
+            seen = (self._read(other, paths, driven, parts) for other in others)
+            return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
         variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)

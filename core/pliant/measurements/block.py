@@ -15,6 +15,7 @@ from pliant.config.loading import with_override
 from pliant.config.measurements import MeasurementNotes
 from pliant.config.writing import as_node, yaml_writer
 from pliant.errors import UserError
+from pliant.measurements.header import ANOTHER
 
 # A line of notes as sentences quote it: 'units: {angle_rad: deg}', 'restarts: new run', 'decimal: ","'.
 QUOTED = re.compile(r"'(\w+: [^'\n]+)'")
@@ -41,7 +42,21 @@ def asked(error: UserError, block: Mapping[str, Any]) -> UserError:
     if any(line.removesuffix(":") in MeasurementNotes.model_fields for line in text.splitlines()):
         return error
     choices = advised([text])
-    return UserError(f"{text}\n\n{block_text(block, choices)}") if choices else error
+    return (
+        UserError(f"{text}\n\n{block_text(_without_joined(block, choices), choices)}") if choices else error
+    )
+
+
+def _without_joined(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The block without files that a choice joins to another one."""
+    said = [choice["join"] for choice in choices if "join" in choice]
+    joined = {Path(one["file"] if isinstance(one, Mapping) else one).name for one in said}
+    named = block.get("file", ())
+    files = [named] if isinstance(named, str) else list(named)
+    kept = [file for file in files if Path(file).name not in joined]
+    if len(kept) == len(files):
+        return dict(block)
+    return {**block, "file": kept[0] if len(kept) == 1 else kept or ANOTHER}
 
 
 def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = ()) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ from pliant.config.measurements import MeasurementNotes
 from pliant.config.problems import sentences
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress
+from pliant.measurements.header import HalfError
 from pliant.measurements.joining import together
 from pliant.measurements.notes import notes_of
 from pliant.measurements.reading import read_measurement
@@ -53,17 +55,22 @@ def read_measurements(
     seen: set[str] = set()
     joined = {path for source in sources if (path := _joined_by(source, stated)) is not None}
     own = [s for s in sources if is_frame(s) or s.resolve() not in joined]
-    measurements = [
-        read_measurement(
-            source,
-            settings=stated.model_copy(update={"exclude": ()}) if number and exclude_from_first else stated,
-            actuation=actuation,
-            expected=expected,
-            progress=progress,
-            runs_seen=seen if len(own) > 1 and not exclude_from_first else None,
-        )
-        for number, source in enumerate(own)
-    ]
+    try:
+        measurements = [
+            read_measurement(
+                source,
+                settings=stated.model_copy(update={"exclude": ()})
+                if number and exclude_from_first
+                else stated,
+                actuation=actuation,
+                expected=expected,
+                progress=progress,
+                runs_seen=seen if len(own) > 1 and not exclude_from_first else None,
+            )
+            for number, source in enumerate(own)
+        ]
+    except HalfError as error:
+        raise _of_two_loggers(own, stated, actuation) or error from None
     for span in stated.exclude if seen else ():
         if span.run not in seen:
             raise UserError(
@@ -73,6 +80,30 @@ def read_measurements(
     if stated.name_pattern is None and (hint := _said_by_names([s for s in own if not is_frame(s)])):
         found = replace(found, remarks=(*found.remarks, hint))
     return found
+
+
+def _of_two_loggers(
+    sources: Sequence[Any], stated: MeasurementNotes, actuation: Sequence[str] | None
+) -> UserError | None:
+    """The error where one of the files has inputs alone and another readings alone; None where none does."""
+    half: dict[str, Path] = {}
+    for source in sources if len(sources) > 1 else ():
+        try:
+            read_measurement(source, settings=stated, actuation=actuation)
+        except HalfError as error:
+            half.setdefault(error.lacks, source)
+        except UserError:
+            continue
+    if len(half) < 2:
+        return None
+    camera, logger = half["inputs"], half["readings"]
+    _, notes_name = notes_of(camera, None)
+    name = os.path.relpath(logger, camera.parent).replace(os.sep, "/")
+    return UserError(
+        f"{camera} has readings and no input, {logger} inputs and no reading. Where two loggers recorded one run, name "
+        f"{camera.name} alone and write 'join: {{file: {name}, shift: 0 s}}' into {notes_name}; 'shift' is added to "
+        f"the clock of {logger.name}."
+    )
 
 
 def _said_by_names(files: Sequence[Path]) -> str:

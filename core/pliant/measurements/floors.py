@@ -15,6 +15,7 @@ from pliant.measurements.highpass import noise_variance
 from pliant.measurements.repeats import Aligned, RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark, detail
 
 Source = Literal["repeats", "stated sigma", "high-frequency residual", "unknown"]
 CLEARLY = 2.0  # standard errors by which repeats must scatter more than the stated sigma to take its place
@@ -99,16 +100,16 @@ def noise_floors(
 
 def floor_remarks(floors: Mapping[str, Floor]) -> tuple[str, ...]:
     """What the floors leave open, in sentences."""
-    remarks = []
+    remarks: list[str] = []
     for source, text in _OPEN.items():
         names = [floor.output for floor in floors.values() if floor.source == source]
         if names:
-            remarks.append(f"{', '.join(names)}: {text}")
+            rank = Rank.DETAIL if source == "stated sigma" else Rank.FLOOR
+            remarks.append(Remark(f"{', '.join(names)}: {text}", rank))
     scattered = [f.output for f in floors.values() if f.source == "repeats" and f.sigma is not None]
     if scattered:
-        remarks.append(
-            f"{', '.join(scattered)}: repeats scatter more than the stated sigma, so their scatter is the floor."
-        )
+        said = f"{', '.join(scattered)}: repeats scatter more than the stated sigma, so their scatter is the floor."
+        remarks.append(detail(said))
     if any(floor.specimens_differ for floor in floors.values()):
         remarks.append(
             "Repeats were done with different specimens: the floor holds the scatter of making them."

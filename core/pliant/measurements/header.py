@@ -6,10 +6,12 @@ import difflib
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.records.remark import detail
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
 from pliant.tabular.schema import FRAMES, FileColumn
 from pliant.tabular.sheet import Sheet
@@ -19,6 +21,7 @@ from pliant.tabular.units import stem, unit_at_the_end
 DRIVES = ("pressure_pa", "tendon_force_n")
 HELD = ("held_angle_rad", "held_elongation_strain")  # imposed: then no supply is needed
 READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
+ANOTHER = "another.csv"  # stands for a file that has not been named
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def read_header(
         _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
     remarks = _unknown_remarks(unknown, notes, notes_name)
     if "" in written:
-        remarks.append("A column without a name is ignored.")
+        remarks.append(detail("A column without a name is ignored."))
     numeric = [column for column in found.values() if column.role != "text"]
     _check_needed(path, [*numeric, *given], unknown, notes_name, actuation)
     outputs = [column.name for column in numeric if column.role == "output"]
@@ -83,14 +86,16 @@ def read_header(
     for column in numeric:
         idle = actuation is not None and column.name not in actuation and column.name not in HELD
         if column.role == "input" and idle:
-            remarks.append(f"Input '{column.name}' does not drive the chain and is ignored.")
+            remarks.append(detail(f"Input '{column.name}' does not drive the chain and is ignored."))
         elif column.role == "count":
             remarks.append(
                 f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
                 "their own."
             )
         elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
-            remarks.append(f"Column '{column.name}' has no output of its own in the file and is ignored.")
+            remarks.append(
+                detail(f"Column '{column.name}' has no output of its own in the file and is ignored.")
+            )
         else:
             used.append(column)
     if "run" not in found and all(column.name != "run" for column in given):
@@ -100,13 +105,21 @@ def read_header(
             "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "
             "cannot be judged."
         )
-    remarks += [text for column in found.values() if (text := _converted(column, notes))]
+    remarks += [detail(text) for column in found.values() if (text := _converted(column, notes))]
     places = {name: i for i, name in enumerate(written)}
     texts: dict[str, int] = {
         name: places[found[name].written] for name in ("run", "specimen") if name in found
     }
     numbers = tuple(column for column in given if column.role != "text")
     return Header(tuple(used), places, texts, tuple(remarks), numbers)
+
+
+class HalfError(UserError):
+    """A file of one logger only; `lacks` is what another one may have recorded."""
+
+    def __init__(self, text: str, lacks: Literal["inputs", "readings"] = "inputs") -> None:
+        super().__init__(text)
+        self.lacks = lacks
 
 
 def _check_clock(
@@ -155,7 +168,7 @@ def _closest(name: str) -> str:
 
 
 def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:
-    remarks = []
+    remarks: list[str] = []
     plain = []
     for name in unknown:
         if name in notes.rename:
@@ -173,7 +186,7 @@ def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name
     if plain:
         more = f" and {len(plain) - 20} more" if len(plain) > 20 else ""
         who = f"Column {plain[0]} is" if len(plain) == 1 else f"Columns {', '.join(plain[:20])}{more} are"
-        remarks.append(f"{who} not known and ignored.")
+        remarks.append(detail(f"{who} not known and ignored."))
     return remarks
 
 
@@ -210,16 +223,22 @@ def _check_needed(
         )
     has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
-        join = f"; if another logger recorded the input, write 'join: {{file: its.csv, shift: 0 s}}' into {notes_name}."
-        raise UserError(
+        line = f"join: {{file: {ANOTHER}, shift: 0 s}}"
+        join = f"; if another logger recorded the input, write '{line}' into {notes_name}."
+        raise HalfError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
-            f"{of_the_file}{has + join if has else ''}{paste}"
+            f"{of_the_file}{has + join if has else ''}{paste}",
+            "inputs",
         )
     if outputs:
-        join = f"; where it holds the inputs of another file, write 'join: {path.name}' into the notes of that one."
-        raise UserError(
+        join = (
+            f"; where it holds the inputs of another file, name that one ({ANOTHER}) and write 'join: {path.name}' "
+            "into its notes."
+        )
+        raise HalfError(
             f"{path}: nothing is measured; a measurement has angle_rad, joint_1_angle_rad…, tip_x_m…, marker_1_x_m… "
-            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}"
+            f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}",
+            "readings",
         )
 
 

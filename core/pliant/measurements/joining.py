@@ -12,6 +12,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.measurements.reading import NEVER_CHANGES, ONE_RUN
 from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.remark import Remark
 
 
 def together(measurements: Sequence[Measurement]) -> Measurement:
@@ -58,7 +59,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         outputs,
         " + ".join(m.source for m in measurements),
         tuple(
-            f"{m.source}: {remark}"
+            Remark.of(remark).from_file(m.source)
             for m in measurements
             for remark in m.remarks
             if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES)

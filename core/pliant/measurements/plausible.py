@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 
 from pliant.records.measurement import Doubt
+from pliant.records.remark import Rank, Remark
 from pliant.tabular.schema import FileColumn
 from pliant.tabular.units import conversion
 
@@ -131,9 +132,11 @@ def time_doubts(step_s: float, whole: bool, notes: str, clock: FileColumn) -> li
     return [Doubt(clock.written, "unit", _advice(text, clock, "ms", notes))]
 
 
-def as_remark(doubt: Doubt) -> str:
+def as_remark(doubt: Doubt) -> Remark:
     """A doubt's sentence among the remarks."""
-    return f"{TO_CHECK}: {doubt.sentence}" if doubt.kind == "unit" else doubt.sentence
+    if doubt.kind == "unit":
+        return Remark(f"{TO_CHECK}: {doubt.sentence}", Rank.UNIT)
+    return Remark(doubt.sentence, Rank.UNIT if doubt.kind == "beginning" else Rank.DATA)
 
 
 def _advice(text: str, column: FileColumn, written: str, notes: str) -> str:

@@ -23,6 +23,7 @@ from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
+from pliant.records.remark import detail
 from pliant.tabular.cells import lines_text
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
 from pliant.tabular.schema import FileColumn
@@ -107,7 +108,9 @@ def read_measurement(
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
     if not read:
         raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
-    said += [f"Output '{name}' has no reading and is ignored." for name in outputs if name not in read]
+    said += [
+        detail(f"Output '{name}' has no reading and is ignored.") for name in outputs if name not in read
+    ]
     runs = [
         replace(
             run,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pliant.config.loading import load_study
-from pliant.config.writing import StudyDraft
+from pliant.config.writing import StudyDraft, name_of_file
 from pliant.measurements.block import advised, block_text, with_files
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -20,21 +20,27 @@ from pliant.store.store import write_atomically
 JOINT = re.compile(r"joint_(\d+)_angle_rad")
 SKELETON = """\
 # A study of {source}, written by 'pliant import'.
-# Fill in the three lines that have an arrow, then: pliant compare {target}
+# Fill in the three lines that have an arrow, check 'base' and 'gravity', then: pliant compare {target}
 pliant: 1
 name: {name}
 
-surrogate:             # the law of one joint: moment = k_n · input − b_e · {coordinate}, in SI
+surrogate:             # the law of one joint: {moment} = k_n · input − b_e · {coordinate}, in SI
   kind: polynomial
   form: study
   odd: true
+  # k_n: {moment} per input of the joint held straight; b_e: its stiffness without input. A recording without loads
+  # tells their ratio alone. Both come from loads: 'pliant fit TABLE.csv --out DIR', with the columns {columns}
+  # of FEM or a bench, prints how good a law is and writes a study with it; take its surrogate in place of this one.
 {keys}  coefficients: {{k_n: , m_a: 0, m_e: 0, b_e: }}   # <- {coefficients}
 
 chain:
   modules: {modules}
-  module_length:       # <- e.g. 80 mm
-  module_mass:         # <- e.g. 40 g
-  gravity: [0, 0, -9.81]   # world; [0, 0, 0] where it lies on a table
+  module_length:       # <- of one module, e.g. 80 mm
+  module_mass:         # <- of one module, e.g. 40 g
+  # World: z up. 'direction' is the way from the base to the tip at rest: [0, 0, -1] hangs and bends towards +x,
+  # [1, 0, 0] lies and bends upwards ('roll: 180 deg' beside it: downwards), [0, 1, 0] lies and bends sideways.
+  base: {{direction: [0, 0, -1]}}
+  gravity: [0, 0, -9.81]   # m/s²; [0, 0, 0] where it bends in the plane of a table
 {actuators}
 physics: quasistatic
 
@@ -69,6 +75,7 @@ def write_study(
     meant = load_study(base, registry, overrides, note=lambda _: None).canonical()
     draft = StudyDraft(base)
     draft.set(("measurements",), whole)
+    meant["name"] = draft.name_after(target)
     draft.write(target, meant, registry, head="\n".join(doubt.sentence for doubt in measurement.doubts))
 
 
@@ -83,14 +90,17 @@ def skeleton(target: Path, measurement: Measurement, block: str) -> str:
     }
     effort, per = ("N", "m") if slides else ("N·m", "rad")
     driver = "N" if inputs[0].startswith("tendon_force") else "Pa"
+    driven = "tendon_force_n" if driver == "N" else "pressure_pa"
     words = f"k_n in {effort} per {driver}, b_e in {effort} per {per}{_ratio(measurement, inputs)}"
     signs = [f"    - {{input: {name}, sign: {1 - 2 * (k % 2)}}}\n" for k, name in enumerate(inputs)]
     return SKELETON.format(
         source=measurement.source,
         target=target,
-        name=re.sub(r"[^\w-]+", "-", target.stem).strip("-") or "recording",
+        name=name_of_file(target) or "recording",
         keys="".join(f"  {key}\n" for key, needed in keys.items() if needed),
         coordinate="extension" if slides else "angle",
+        moment="force" if slides else "moment",
+        columns=", ".join((driven, *(("extension_m", "force_n") if slides else ("angle_rad", "moment_n_m")))),
         coefficients=words,
         modules=max(joints, default=1),
         actuators="  actuators:           # the sign says to which side each one bends\n" + "".join(signs)

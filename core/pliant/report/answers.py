@@ -48,7 +48,7 @@ def comparison_answers(found: Comparison) -> Answers:
         missing = (
             "No circumstance stands out." if ratio < NEAR else "The error is spread over all circumstances."
         )
-    right = ratio < NEAR and not found.significant
+    right = ratio < NEAR and place is None and not found.significant
     after = (
         "Nothing to explain here; measure what these runs do not cover."
         if right

@@ -289,7 +289,7 @@ def _drawn(compared: Compared) -> Drawn:
 
 
 def _places_table(comparison: Comparison) -> Table:
-    found = any(place.significant for place in comparison.worst)
+    found = any(place.more_than_noise for place in comparison.worst)
     note = (
         "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
         "late times may be the same readings. z: mean error over what noise would give it."

@@ -14,6 +14,7 @@ from pliant.records.counts import Counts
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.report.comparison import ROWS
+from pliant.report.count_answers import diagnosis_answers
 from pliant.report.counts import OUTPUT, counts_json, shares_picture
 from pliant.report.document import (
     Column,
@@ -25,7 +26,7 @@ from pliant.report.document import (
     page_table,
     section,
 )
-from pliant.report.fitted import caveat, probability_text, verdict_json
+from pliant.report.fitted import caveat, most_probable, probability_text, verdict_json
 
 HYPOTHESES_BRIEF = 12  # rows of the terminal's table
 NAMED = 4
@@ -114,12 +115,17 @@ def counts_diagnosis_document(
 ) -> Document:
     """The document of `pliant diagnose` on a file of counts."""
     reasons = counts_why(found, judged)
+    shown, which = most_probable(found.probability, HYPOTHESES_BRIEF)
+    rows = [one for one in weighed_hypotheses(found) if one.kinds in shown]
     return Document(
         kind="Pliant: which explanation do these counts allow?",
         title=title,
         sentence=judged.sentence,
         data=counts_diagnosis_json(found, judged, registry),
-        brief=(brief_table(EVERY_COLUMN, weighed_hypotheses(found)[:HYPOTHESES_BRIEF]),),
+        brief=(brief_table(EVERY_COLUMN, rows, which),),
+        answers=diagnosis_answers(
+            found, judged, {kinds: level_text(row) for kinds, row in found.rows.items()}
+        ),
         points=tuple(reasons),
         warnings=tuple(map(caveat, found.comparison.remarks)),
         closing=(judged.sentence, *reasons),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pliant.evidence.binomial import Count
 from pliant.evidence.counts import ConditionResult, CountComparison
 from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
 from pliant.report.comparison import ROWS, SCORE_COLUMNS, starred, yes
+from pliant.report.count_answers import comparison_answers, counted
 from pliant.report.document import (
     Column,
     Document,
@@ -27,11 +27,6 @@ from pliant.report.fitted import caveat
 CONDITIONS_BRIEF = 40  # rows of the terminal's table
 NAMED = 4
 OUTPUT = "success"
-
-
-def counted(count: Count) -> str:
-    """Successes of trials as text, ``29/30``."""
-    return f"{count[0]}/{count[1]}"
 
 
 def _likelihoods(row: tuple[str, CountComparison]) -> str:
@@ -105,6 +100,7 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
         sentence=interpret_counts(found),
         data=counts_json(found),
         brief=(Table("", table.head, [*table.rows, last], table.note), *more),
+        answers=comparison_answers(found),
         warnings=tuple(map(caveat, found.remarks)),
         draw=lambda: _drawn(found),
         footer=f"Counts: {counts.source or 'given in memory'}",

@@ -45,11 +45,13 @@ from pliant.report.evidence_view import Diagnosed
 from pliant.report.fitted import (
     floors_json,
     implausible_text,
+    most_probable,
     next_run_json,
     probability_text,
     verdict_json,
     warned,
 )
+from pliant.report.learned import learned_json, learned_section
 from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
@@ -147,6 +149,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],
         "next_experiment": next_run_json(found.next_run, next_file),
+        "learned": learned_json(found.learned),
         "smallest_detectable": [vars(one) for one in found.detectable],
         "floor": floors_json(noise.floors),
         "n_samples": found.table.n_readings,
@@ -205,7 +208,7 @@ def implausible(found: Diagnosis) -> list[str]:
 
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
-    every = list(found.judgement.probability)[:MOST_SHOWN]
+    rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
     shown = found.judgement.credible[:MOST_SHOWN]
     fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
     fitted += _unseen(found)
@@ -213,7 +216,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (brief_table(hypothesis_columns(found), every), *lines)
+    return (brief_table(hypothesis_columns(found), rows, which), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
@@ -238,6 +241,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     made = [
         _next(found),
         _changes(diagnosed, figures.explained_runs),
+        learned_section(found.learned),
         section(
             "What the error depends on",
             depends,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from pliant import __version__
 from pliant.formatting import Unit, displayed, number
+from pliant.records.remark import Rank
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -207,15 +207,6 @@ def section(
     tables = tuple(part for part in parts if isinstance(part, Table))
     paragraphs = tuple(filter(None, [text] if isinstance(text, str) else text))
     return Section(title, pictures, tables, note, paragraphs, open) if pictures or tables else None
-
-
-class Rank(IntEnum):
-    """What a warning is about, the gravest first."""
-
-    UNIT = 0  # a unit may be wrong: no number is to be believed before that is settled
-    FLOOR = 1  # the noise floor cannot judge
-    DATA = 2  # what the data lack, and what the result rests on
-    DETAIL = 3
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
+from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant.report.fitted import caveat, doubtful, errors_json, floors_json, parameters_brief, parameters_json
@@ -26,7 +27,8 @@ def extension_document(
     if not found.fit.converged:
         doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
     if not found.noise.judged:
-        doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
+        said = "without repeats or a stated sigma the floor holds fast noise only."
+        doubts.append(Remark(said, Rank.FLOOR))
     shares = shares_brief(found)
     falls = []
     for name, rmse in found.after.rmse.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,17 +9,16 @@ from typing import Any
 from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
-from pliant.diagnosis.verdict import Judgement
+from pliant.diagnosis.verdict import NOTHING, Judgement, Kinds
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
-from pliant.measurements.doubts import MID_MOTION
 from pliant.measurements.floors import Floor
-from pliant.measurements.plausible import TO_CHECK
+from pliant.records.remark import Remark
 from pliant.registry.discovery import Registry
-from pliant.report.document import Column, Rank, Table, Warned, as_json, brief_table, page_table
+from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
-LEFT_OUT = re.compile(r"'(\w+)' was left out: ")
+NEXT_TO_NOTHING = 1e-3  # of probability: not worth a row
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
 
@@ -117,27 +115,9 @@ def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, A
     return {**said, "ranked": [asdict(one) for one in found.ranked], "file": file}
 
 
-# What a remark is about, by what it holds; the first that fits. All others are about the data.
-RANKS: tuple[tuple[Rank, tuple[str, ...]], ...] = (
-    (Rank.UNIT, (TO_CHECK, MID_MOTION)),
-    (Rank.FLOOR, ("no repeats", "repeats or a stated sigma", "without any noise", "have no noise")),
-    (
-        Rank.DETAIL,
-        (
-            "was left out: ",
-            "is ignored",
-            "not known and ignored",
-            "was converted",
-            "is read as",
-            "stated sigma",
-        ),
-    ),
-)
-
-
 def caveat(text: str) -> Warned:
     """A remark as a warning with its rank."""
-    return Warned(text, rank=next((r for r, held in RANKS if any(h in text for h in held)), Rank.DATA))
+    return Warned(text, rank=Remark.of(text).rank)
 
 
 def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:
@@ -149,15 +129,37 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
     } - set(asked)
     plain, impossible = [], {}
     for text in remarks:
-        left = LEFT_OUT.match(text)
-        if left is not None and left[1] in shipped:
-            impossible[left[1]] = text
+        kind = Remark.of(text).left_out
+        if kind in shipped:
+            impossible[kind] = text
         else:
             plain.append(caveat(text))
     if impossible:
         sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
         plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
     return tuple(plain)
+
+
+def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[Kinds], str]:
+    """Explanations for a table of the terminal, the most probable first, and in words which these are.
+
+    Args:
+        probability: of every explanation.
+        most: rows; the model as it is stands among them in any case, and what holds next to nothing does not.
+    """
+    every = sorted(probability, key=lambda kinds: -probability[kinds])
+    likely = [kinds for kinds in every[:most] if probability[kinds] >= NEXT_TO_NOTHING]
+    shown = [kinds for kinds in every if kinds in likely or kinds == NOTHING]
+    rest = sum(probability[kinds] for kinds in every if kinds not in shown)
+    if len(shown) == len(every):
+        return shown, f"All {len(every)} explanations, the most probable first."
+    return shown, (
+        f"The {len(shown)} most probable of {len(every)} explanations; the others, in the report, hold "
+        f"{whole_percent(rest)} together."
+        if NOTHING in likely or NOTHING not in shown
+        else f"The most probable of {len(every)} explanations, and the model as it is; the others, in the report, hold "
+        f"{whole_percent(rest)} together."
+    )
 
 
 def parameter_word(parameter: str, unit: str) -> str:

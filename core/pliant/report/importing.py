@@ -16,11 +16,11 @@ from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
+from pliant.records.remark import Rank
 from pliant.report.document import (
     Column,
     Document,
     Drawn,
-    Rank,
     Section,
     Table,
     Warned,
@@ -227,7 +227,7 @@ def _drawn(measurement: Measurement, columns: Table, runs: Table, block: str) ->
         Section(
             TITLE,
             code=block,
-            note="Into a study, or without 'file' into a YAML of the file's stem.",
+            note="Paste it into a study; or its lines without 'file' into a YAML of the same name beside the file.",
             open=True,
         ),
     )

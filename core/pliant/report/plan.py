@@ -13,7 +13,8 @@ from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, plural, whole_percent
 from pliant.records.measurement import Measurement
-from pliant.report.document import Column, Document, Rank, Table, as_json, brief_table
+from pliant.records.remark import Rank
+from pliant.report.document import Column, Document, Table, as_json, brief_table
 from pliant.report.fitted import caveat, next_run_json
 
 KIND = "Pliant: what to measure next"

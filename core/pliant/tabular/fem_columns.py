@@ -161,11 +161,26 @@ class StateHeader:
         return self.factors.get(f"{of[0]}{axis or ''}_{of[1]}", 1.0) / self.factors.get(divisor, 1.0)
 
     def lines_to_write(self, path: Path, needed: Sequence[str]) -> str:
-        """The YAML that would map the header, as far as names and units tell; an empty text where nothing does."""
+        """The YAML that would map the header: what names and units tell, then the other columns in their order.
+
+        With it stands what no header says: whether an angle is that of half a module, which way a moment acts.
+        """
         free = [name for name, known in zip(self.written, self.names, strict=True) if known not in KNOWN]
         rename, units = proposed(free, {name: UNITS[name] for name in needed if name not in self.written})
-        half = any(meant == "angle_rad" and "half" in name.lower() for name, meant in rename.items())
-        return lines_to_write(path, "", rename, units, ["angle: half_module"] if half else ())
+        lacking = [name for name in needed if name not in rename.values() and name not in ACTUATIONS]
+        if set(ACTUATIONS) <= set(needed) and not set(ACTUATIONS) & set(rename.values()):
+            lacking.insert(0, ACTUATIONS[0])
+        for name, meant in zip([name for name in free if name not in rename], lacking, strict=False):
+            rename[name] = meant
+            if unit_in(name) is None:
+                units[name] = f"{UNITS[meant]}  # or another unit: the file does not say"
+        more = []
+        if of_angle := [name for name, meant in rename.items() if meant == "angle_rad"]:
+            half = "half" in of_angle[0].lower()
+            more.append(f"angle: {'half_module  # or: module' if half else 'module  # or: half_module'}")
+        if {"moment_n_m", "force_n"} & set(rename.values()):
+            more.append("moment: opposes actuation  # or: sign reversed")
+        return lines_to_write(path, "", rename, units, more)
 
 
 def _plain(name: str) -> str:

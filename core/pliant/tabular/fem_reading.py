@@ -34,6 +34,7 @@ from pliant.tabular.opening import open_sheet
 FAMILY = "table"
 DESIGN = "design"  # column with the design's number in a sweep's table
 FULL_TURN = 2 * math.pi
+ASKED = " Names are asked for: no header says whether an angle is that of half a module, or which way a moment acts."
 NEEDED = "pressure_pa (or tendon_force_n),angle_rad,moment_n_m"
 Value = float | int | str | bool
 
@@ -283,15 +284,16 @@ def _problem(path: Path, header: StateHeader) -> str:
     if given and not missing:
         return ""
     lines = header.lines_to_write(path, [*(() if given else ACTUATIONS), *missing])
+    asked = ASKED if lines else ""
     hints = [
         closest(name, unknown).replace("did you mean", "the file has").replace("?", ".")
         for name in (missing[:1] if given else ACTUATIONS)
     ]
     if not given:
-        return f"column 'pressure_pa' or 'tendon_force_n' is missing{max(hints, key=len)}{lines}"
+        return f"column 'pressure_pa' or 'tendon_force_n' is missing{max(hints, key=len)}{asked}{lines}"
     if "angle_rad" in missing and any("half" in name and "angle" in name for name in unknown):
         return f"column 'angle_rad' is missing: it is the joint angle of a module, twice the half-module angle{lines}"
-    return f"column '{missing[0]}' is missing{hints[0]}{lines}"
+    return f"column '{missing[0]}' is missing{hints[0]}{asked}{lines}"
 
 
 def _of_axis(table: StateTable, wanted: str | None) -> tuple[str, StateTable]:

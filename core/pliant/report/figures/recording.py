@@ -19,7 +19,7 @@ def in_time(measurement: Measurement) -> style.Png:
     """A column per run, the first runs alone of many; a row per kind of quantity, the inputs below the readings."""
     runs, inputs = measurement.runs[:MOST_RUNS], list(measurement.runs[0].history.actuation)
     rows = [*_kinds(list(measurement.outputs))[: MOST_ROWS - 1], *_kinds(inputs)[:1]]
-    with style.canvas(max(380 * len(runs), 900), 260 * len(rows) + 110, pad=(0.05, 0.04)) as figure:
+    with style.canvas(max(380 * len(runs), 1500), 260 * len(rows) + 110, pad=(0.05, 0.04)) as figure:
         panels = figure.subplots(len(rows), len(runs), squeeze=False, sharex="col", sharey="row")
         for k, run in enumerate(runs):
             style.heading(panels[0][k], fitting(run.name, 30), f"{len(run)} samples")

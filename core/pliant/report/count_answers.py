@@ -1,0 +1,121 @@
+"""The first lines of a page about counts: how good the model is, what is missing, how sure that is, what to do next."""
+
+from __future__ import annotations
+
+from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.evidence.binomial import Count
+from pliant.evidence.counts import CountComparison
+from pliant.formatting import listed, plural
+from pliant.report.answers import Answers
+from pliant.report.document import answers
+from pliant.report.fitted import probability_text
+
+MOST_NAMED = 3
+REPEATS = "Find out what differed between these sets, and count them again."
+
+
+def counted(count: Count) -> str:
+    """Successes of trials as text, ``29/30``."""
+    return f"{count[0]}/{count[1]}"
+
+
+def good(found: CountComparison) -> str:
+    """How far the shares of success are off, and in how many conditions by more than chance."""
+    return (
+        f"Shares of success are off by {100 * found.rmse:.0f} percentage points (rms), chance alone gives "
+        f"{100 * found.noise_floor:.0f}; {len(found.disagreeing) or 'none'} of "
+        f"{plural(len(found.conditions), 'condition')} differ{'s' if len(found.disagreeing) == 1 else ''} by more than "
+        "chance"
+    )
+
+
+def comparison_answers(found: CountComparison) -> Answers:
+    """Of a model against counts."""
+    wrong = found.disagreeing
+    missing = "Nothing that these counts show"
+    if wrong:
+        more_often = [one.error > 0 for one in wrong]
+        how = (
+            "more often"
+            if all(more_often)
+            else "less often"
+            if not any(more_often)
+            else "now more, now less often"
+        )
+        side = f"The bench succeeds {how}"
+        named_ones = [
+            f"{one.condition.words} ({counted(one.measured)}, model {counted(one.simulated)})"
+            for one in wrong[:MOST_NAMED]
+        ]
+        more = [f"{len(wrong) - MOST_NAMED} more"] if len(wrong) > MOST_NAMED else []
+        missing = f"{side}: {listed([*named_ones, *more])}"
+    trials = {one.simulated[1] for one in found.conditions}
+    each = f"{min(trials)}" if len(trials) == 1 else f"{min(trials)} to {max(trials)}"
+    sure = (
+        f"{found.n_samples} trials counted, {each} simulated for each condition; exact tests, corrected for all "
+        f"conditions; {_repeats(found)}"
+    )
+    if found.contradictory:
+        after = REPEATS
+    elif wrong:
+        after = (
+            "Ask which number would explain it: pliant diagnose (it simulates every level of every number)."
+        )
+    else:
+        after = "Nothing to explain here; more trials, simulated and counted, would show smaller differences."
+    return answers(good(found), missing, sure, after)
+
+
+def _repeats(found: CountComparison) -> str:
+    if found.contradictory:
+        return f"the sets of {plural(len(found.contradictory), 'condition')} contradict each other"
+    if not found.n_repeated:
+        return "no condition was counted twice"
+    return "sets of one condition agree"
+
+
+def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict[Kinds, str]) -> Answers:
+    """Of a diagnosis of counts.
+
+    Args:
+        found, judged: what came of it.
+        levels: the best level of each explanation, in words.
+    """
+    best = next((kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
+    first = good(found.comparison)
+    if best != NOTHING and judged.verdict in ("missing_effect", "ambiguous", "unknown_effect"):
+        first += f"; {len(found.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
+    missing = {
+        "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
+        "ambiguous": f"One of these: {judged.contenders}",
+        "nothing_missing": "Nothing that these counts show",
+        "unknown_effect": "Something that is not in the list",
+        "not_repeatable": "Not asked: sets of one condition contradict each other",
+        "insufficient_data": "Cannot be said from so few trials",
+    }[judged.verdict]
+    return answers(first, missing, _sure(found, judged), _after(judged))
+
+
+def _sure(found: CountEvidence, judged: CountJudgement) -> str:
+    trials = (
+        f"{found.comparison.n_samples} trials under {plural(len(found.comparison.conditions), 'condition')}"
+    )
+    if judged.verdict in ("not_repeatable", "insufficient_data"):
+        return f"No verdict; {trials}"
+    shown = judged.credible[:MOST_NAMED]
+    texts = [f"{named(kinds)} {probability_text(judged.probability[kinds])}" for kinds in shown]
+    more = [f"{len(judged.credible) - len(shown)} more"] if len(judged.credible) > len(shown) else []
+    return f"Probability: {listed([*texts, *more])}; {len(found.rows)} explanations tried; {trials}"
+
+
+def _after(judged: CountJudgement) -> str:
+    if judged.verdict == "not_repeatable":
+        return REPEATS
+    if judged.next_count is not None:
+        return f"Count more trials of {judged.next_count.condition}: there the explanations differ most."
+    return {
+        "missing_effect": "Measure that number on the bench; if it is so, write it into the study.",
+        "nothing_missing": "Leave the model as it is for these conditions.",
+        "unknown_effect": "Name other numbers that may be wrong under 'measurements.plausible', and diagnose again.",
+    }.get(judged.verdict, "Count more trials, of conditions in which some succeed and some do not.")
