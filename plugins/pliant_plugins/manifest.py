@@ -410,7 +410,7 @@ def _effects() -> list[Component]:
         ),
         "learned": (
             "Learned",
-            "a curve that was learned, for what no listed effect explains",
+            "what no listed effect explains follows a smooth curve",
             {
                 "acts_on": "moment",
                 "covariates": [{"name": "angle", "low": -0.1, "high": 0.5}],

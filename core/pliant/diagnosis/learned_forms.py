@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.evidence.prediction import Predictor
 from pliant.mechanics.learned_curve import KEPT, NAMES, CurveAxis, Signals, series
@@ -113,17 +114,18 @@ FORMS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = (
 
 
 class SeenMotion:
-    """What the joints of a model go through in the runs that have readings."""
+    """What the joints of a model go through where something was read."""
 
     def __init__(self, predictor: Predictor) -> None:
         self.predictor = predictor
         histories, paths = predictor.paths()
-        self.runs: list[tuple[str, Signals, bool]] = []
+        self.runs: list[tuple[str, Signals, NDArray[np.bool_]]] = []
         joints = np.unique(np.linspace(0, predictor.chain.n_joints - 1, MOST_JOINTS).astype(int))
         main = predictor.main_axis
         measured = zip(predictor.measurement.runs, histories, paths, strict=True)
         for run, history, path in measured:
-            read = any(np.isfinite(values).any() for values in run.outputs.values())
+            there = np.any([np.isfinite(values) for values in run.outputs.values()], axis=0)
+            read = np.concatenate([np.zeros(history.lead, bool), there])
             pushed = sum(history.actuation[a.input] * a.sign for a in predictor.chain.actuators)
             for j in joints:
                 angle = np.where(path.converged, path.joint_angles[:, j, main], 0.0)
@@ -156,9 +158,14 @@ class SeenMotion:
 
     @cached_property
     def readings(self) -> Array:
-        """All angles that the model says the sensors read."""
-        runs = self.predictor.predict()
-        angles = [v for run in runs for name, v in run.items() if name.endswith("angle_rad")]
+        """All angles that the model says the sensors read, where they did."""
+        runs = zip(self.predictor.measurement.runs, self.predictor.evaluate().runs, strict=True)
+        angles = [
+            values[np.isfinite(measured.outputs[name])]
+            for measured, run in runs
+            for name, values in run.items()
+            if name.endswith("angle_rad")
+        ]
         values: Array = np.concatenate(angles) if angles else np.zeros(0)
         return values[np.isfinite(values)]
 
@@ -196,7 +203,7 @@ class SeenMotion:
         """A rate that tells motion from rest: a third of the lower quartile of the rates in motion."""
         rates: list[Array] = []
         for _, run, read in self.runs:
-            if read and run.time_s is not None:
+            if read.any() and run.time_s is not None:
                 x = run.angle if name == "rate" else run.actuation
                 step = np.diff(run.time_s)
                 rates.append(np.abs(np.diff(x)[step > 0] / step[step > 0]))
@@ -221,14 +228,14 @@ class SeenMotion:
         return replace(axis, low=float(f"{low:.4g}"), high=float(f"{high:.4g}"), knots=max(knots, 2))
 
     def _values(self, axis: CurveAxis) -> Array:
-        """All samples of the covariate in runs with readings."""
+        """All samples of the covariate where something was read."""
         if axis not in self._known:
             parts = []
             memories: dict[str, Array] = {}
             for body, run, read in self.runs:
                 memory = memories.setdefault(body, np.zeros(2)) if axis.name in KEPT else None
                 values = series(axis, run, memory)
-                parts += [values] if read else []
+                parts.append(values[read])
             self._known[axis] = np.concatenate(parts) if parts else np.zeros(0)
         return self._known[axis]
 

@@ -16,7 +16,7 @@ from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.rollout import Inputs, Rollout, TaskResult
-from pliant.testing import CheckSkipped, Finding, Subject, agree, declared, require, require_refused
+from pliant.testing import Finding, Subject, agree, declared, require, require_refused
 from pliant.testing.effect_bench import (
     ANGLES,
     PRESSURES,
@@ -115,10 +115,12 @@ def config_keeps_the_bounds(subject: Subject) -> None:
 
 
 def neutral_values_change_nothing(subject: Subject) -> None:
-    """with every strength neutral the effect vanishes, whatever its shape."""
-    if not type(subject.build()).fitted:
-        raise CheckSkipped("its numbers are data, and none of them makes it vanish")
-    plain, neutral = sample_model(subject), applied(subject, absent(subject))
+    """with every strength neutral the effect vanishes, whatever its shape; without strengths, with every default."""
+    plain = sample_model(subject)
+    if type(subject.build()).fitted:
+        neutral = applied(subject, absent(subject))
+    else:
+        neutral = subject.build(subject.plain_config).apply(plain)
     for place, sight in SIGHTS.items():
         finding = f"with every strength neutral the {place} differs"
         agree(sight(neutral), sight(plain), finding, rtol=1e-12, atol=1e-15)

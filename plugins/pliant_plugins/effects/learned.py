@@ -79,17 +79,19 @@ class LearnedConfig(EffectConfig):
     """The curve: where it acts, over what, and its values at even knots."""
 
     kind: Literal["learned"] = "learned"
-    acts_on: ActsOn
+    acts_on: ActsOn = "moment"
     """where the curve is added, or which part of the law it makes larger by a share"""
-    covariates: tuple[CovariateConfig, ...] = Field(min_length=1, max_length=2)
-    """what it depends on: one or two"""
-    value: Values
+    covariates: tuple[CovariateConfig, ...] = Field(default=(), max_length=2)
+    """what it depends on: one or two; none is no curve"""
+    value: Values = ()
     """at even knots from `low` to `high`; of two covariates a row for each knot of the first"""
     sd: Values | None = None
     """standard deviations of the values, for the band that is drawn"""
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
+        if not self.covariates and not self.value and not self.sd:
+            return self  # no curve
         shape = np.shape(self.value) if _is_even(self.value) else ()
         if len(shape) != len(self.covariates) or not all(2 <= n <= MOST_KNOTS for n in shape):
             raise ValueError(
@@ -118,7 +120,7 @@ class LearnedConfig(EffectConfig):
 
     def axes(self) -> tuple[CurveAxis, ...]:
         """The covariates with their knots."""
-        shape = np.shape(self.value)
+        shape = np.shape(self.value) if self.covariates else ()
         return tuple(
             CurveAxis(c.name, c.low, c.high, n, c.scale) for c, n in zip(self.covariates, shape, strict=True)
         )
@@ -147,6 +149,8 @@ class Learned(Effect):
     def apply(self, model: Model) -> Model:
         """The model with the curve where `acts_on` says."""
         c, axes = self.config, self.config.axes()
+        if not axes:
+            return model
         values = np.asarray(c.value, float)
         if c.acts_on == "input":
             names = tuple(actuator.input for actuator in model.chain.actuators)
