@@ -19,13 +19,13 @@ demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 test test-all: export OMP_NUM_THREADS := 1
 test test-all: export OPENBLAS_NUM_THREADS := 1
 test test-all: export MKL_NUM_THREADS := 1
-PYTEST := $(BIN)/python -m tests.compile_first && $(BIN)/python -m pytest -n 2
+PYTEST := $(BIN)/python -m tests.compile_first && $(BIN)/python -m pytest -n 2 --dist loadfile
 
-test: $(VENV)/.dev  ## the fast suite: every room and every guarantee
-	$(PYTEST) --dist loadfile
+test: $(VENV)/.dev  ## the fast suite: every room and every guarantee has a test in it
+	$(PYTEST)
 
 test-all: $(VENV)/.dev  ## every test, those marked slow too: what CI runs
-	$(PYTEST) --dist worksteal -m ""
+	$(PYTEST) --no-loadscope-reorder -m ""
 
 mutants: $(VENV)/.dev  ## whether the tests notice wrong code: hours, resumable
 	$(BIN)/python -m tests.mutants.run $(MUTANTS)
@@ -41,7 +41,7 @@ imports: $(VENV)/.dev  ## who may import whom
 	$(BIN)/lint-imports
 	$(BIN)/python -m benchmarks.house --circles
 
-check: lint types imports test
+check: lint types imports test  ## what CI runs, with the fast tests alone
 
 bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, as JSON in benchmarks/out
 

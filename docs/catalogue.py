@@ -44,7 +44,7 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| {_link(c.kind)} | {e.place} | {c.summary} | {_sentence(e.notes.on_the_bench)} "
+        f"| {_link(c.kind)} | {_place(e)} | {c.summary} | {_sentence(e.notes.on_the_bench)} "
         f"| {_link(e.notes.look_alike)} | {_runs(e)} |"
         for c, e in effects
     ]
@@ -64,6 +64,15 @@ def facts(component: Component) -> list[str]:
         for p in (*config.fit_parameters(), *config.form_parameters())
     ]
     where = [f"**Makes sense for** {notes.where}"] if notes.where else []
+    if not effect.fitted:
+        return [
+            "Its numbers are data that are learned as a whole: it acts where they say, and no diagnosis tries it.",
+            f"**What gives it away:** {_sentence(notes.signature)}",
+            f"**On the bench:** {_sentence(notes.on_the_bench)}",
+            f"**Told apart:** {_sentence(notes.told_apart)}",
+            f"**To see it:** {_sentence(notes.excited_by)}",
+            *where,
+        ]
     return [
         f"It acts {PLACES[effect.place]}.",
         "\n".join([HEAD, *rows]),
@@ -108,6 +117,10 @@ def _row(parameter: EffectParameter, meaning: str) -> str:
         meaning.replace("|", "\\|"),
     )
     return f"| {' | '.join(cells)} |"
+
+
+def _place(effect: type[Effect]) -> str:
+    return effect.place if effect.fitted else "where it says"
 
 
 def _sentence(text: str) -> str:

@@ -1,14 +1,16 @@
-"""Machine code that many tests run, compiled before they start: otherwise every worker of theirs compiles it.
+"""Byte code and machine code that many tests run, compiled before they start: else each of their workers compiles it.
 
     python -m tests.compile_first
 
-Two processes share the work. What stands in numba's cache already is not compiled again.
+Two processes share the work. What is compiled already is not compiled again.
 """
 
 from __future__ import annotations
 
+import compileall
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from pliant.records.history import History
 from pliant.registry.discovery import discover
 from pliant.testing.samples import coupled_law, module_table_of, sample_chain, softening_law, table_of
 
+ROOT = Path(__file__).parents[1]
 PRESSURES = {"pressure_pa": np.array([1e3, 2e3])}
 
 
@@ -52,7 +55,13 @@ def moved() -> None:
         built("physics", "mujoco").follow(bent_chain(), [History.of(PRESSURES, np.array([0.0, 0.01]))])
 
 
+def byte_code() -> None:
+    """Modules outside the tests, which pytest compiles in its own way."""
+    for folder in ("core", "plugins", "benchmarks"):
+        compileall.compile_dir(ROOT / folder, quiet=1)
+
+
 if __name__ == "__main__":
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for done in [pool.submit(job) for job in (settled, followed, moved)]:
+        for done in [pool.submit(job) for job in (byte_code, settled, followed, moved)]:
             done.result()

@@ -1,6 +1,7 @@
 """Settings of all tests, and FEM states for those that need some but do not test the FEM."""
 
 import csv
+import os
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,23 @@ settings.register_profile(
 settings.load_profile("pliant")
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first: of two workers none is left alone with them at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope="session")
 def fem_states() -> list[dict[str, float]]:
     """Solved states of the first finger's module, SI; `solve_fem_states.py` writes them."""
     table = Path(__file__).parent / "data" / "fem_states.csv"
     with table.open(encoding="utf-8", newline="") as file:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+@pytest.fixture(scope="session")
+def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One store for tests that fit the same meta-model, whichever worker runs them: it is fitted once."""
+    place = tmp_path_factory.getbasetemp()
+    return (place.parent if "PYTEST_XDIST_WORKER" in os.environ else place) / "shared_store"

@@ -99,5 +99,5 @@ FINGER = Robot(
     "finger", 3, 0.030, 0.004, tuple(f"joint_{k}_angle_rad" for k in (1, 2, 3)), TIPS, "tendon_force_n", 9.0
 )
 # An elastic rod with a tendon, which `rod_truth.py` follows: law and mass are fitted to it at rest.
-ROD = Robot("rod", 1, 0.080, 0.015764, ("angle_rad",), law=(1.48258e-6, -5.02285e-8, -0.00316757, 0.0277776))
+ROD = Robot("rod", 1, 0.080, 0.0040021, ("angle_rad",), law=(1.471785e-6, 2.18347e-8, -6.69920e-4, 0.0279465))
 ROBOTS = {robot.name: robot for robot in (JOINT, CHAIN, FOUR, FINGER)}

@@ -21,7 +21,7 @@ from mujoco import rollout
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-PARTS, LENGTH_M, MASS_KG, ARM_M = 8, 0.080, 0.012, 0.010
+PARTS, LENGTH_M, MASS_KG, ARM_M = 8, 0.080, 0.003, 0.010
 STIFFNESS_N_M, PULL_N, RELAXES_S = 0.028, 2.2, 1e-3  # of the whole rod per rad; the tendon's largest tension
 STEP_S, SETTLE_S = 0.01, 6.0
 # Of a stop of strength 1 per N m/rad of the springs: what it takes to be felt, in MuJoCo's units of acceleration.

@@ -307,7 +307,7 @@ def draw(runs: dict[str, Run], ways: list[Way]) -> None:
         static = one.static.predict(run.p1, run.p2)
         upper.plot(run.time_s, run.angle, color="black", lw=1.2, label="measured")
         for label, colour, model in (
-            (f"static, degree {one.static.degree}", "#d98c3f", static),
+            ("static law", "#d98c3f", static),
             ("improved", "#2f6fb0", run.angle - one.errors[name]),
         ):
             upper.plot(run.time_s, model, color=colour, lw=1.0, label=label)

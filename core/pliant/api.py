@@ -272,13 +272,20 @@ def improve(
     data: Data = None,
     *,
     kinds: Sequence[str] | None = None,
+    learned: bool = False,
     named_only: bool = False,
     workers: Workers = 1,
 ) -> Improvement:
-    """The whole loop, with runs put aside: `pliant improve`."""
+    """The whole loop, with runs put aside: `pliant improve`; `learned`: with a learned term as its last step."""
     measurement = read_measurement(opened, data)
     return improve_with(
-        opened.bench, opened.study, measurement, kinds=kinds, named_only=named_only, workers=workers
+        opened.bench,
+        opened.study,
+        measurement,
+        kinds=kinds,
+        learned=learned,
+        named_only=named_only,
+        workers=workers,
     )
 
 

@@ -43,7 +43,7 @@ class Scene:
     label: str
     look: str
     modules: int = 1
-    values: Mapping[str, float] | None = None
+    values: Mapping[str, Any] | None = None
     reads: str = "angle_rad"
     name: str = "angle / °"
 
@@ -121,6 +121,17 @@ def scenes() -> dict[str, Scene]:
     turns = np.zeros((61, 3))
     turns[:, 1] = np.linspace(-np.pi / 2, np.pi / 2, 61)
     return {
+        "learned": Scene(
+            [ramps((15.0,), 1.0)],
+            pressure,
+            "pressure / kPa",
+            "nothing outside its data (4 to 12 kPa)",
+            values={
+                "acts_on": "input",
+                "covariates": [{"name": "actuation", "low": 4 * KPA, "high": 12 * KPA}],
+                "value": [0.0, 600.0, 1500.0, 1200.0, 400.0, 0.0],
+            },
+        ),
         "stiffness": Scene(
             [loads(0.0), loads(10.0)], load, "load moment / mN·m", "vented (lower curves): off too"
         ),

@@ -408,6 +408,15 @@ def _effects() -> list[Component]:
             "pressure lengthens the chain",
             {"strain_per_mpa": 0.83},
         ),
+        "learned": (
+            "Learned",
+            "what no listed effect explains follows a smooth curve",
+            {
+                "acts_on": "moment",
+                "covariates": [{"name": "angle", "low": -0.1, "high": 0.5}],
+                "value": [0, 0.0004, -0.0002, -0.0006],
+            },
+        ),
     }
     return [
         Component(

@@ -159,6 +159,7 @@ def test_improve_leaves_a_good_model_alone(pliant, joint, read, workplace):
     assert not (workplace / "new.yaml").exists() and "No study was written" in call.out
 
 
+@pytest.mark.slow
 def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tables, read):
     (workplace / "short.csv").write_text(tables["short"])
     call = pliant("improve", joint, "--data", "short.csv", *FEW, "--json", "r.json").done()

@@ -125,6 +125,7 @@ def test_without_meshio_the_extra_is_named(pliant, write, monkeypatch):
     pliant("fem", write(JOINT), "--fields", "vtu").refused("pip install 'pliant[fields]'")
 
 
+@pytest.mark.slow
 def test_a_backend_without_fields_says_so(pliant, write, store, monkeypatch):
     study = write(JOINT)
     assert pliant("fem", study, "--store", store).code == 0

@@ -28,6 +28,7 @@ def table(workplace):
     write_table(table_of(softening_law(), noise_n_m=3e-5), workplace / "law.csv")
 
 
+@pytest.mark.slow
 def test_a_studys_law_gets_its_page(pliant, write, read, workplace, table):
     study = write(STUDY)
     done = pliant("fit", study, "--out", "page", "--json", "fit.json")

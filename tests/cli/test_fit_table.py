@@ -102,6 +102,7 @@ def test_a_reversed_sign_is_said_and_the_notes_repair_it(pliant, workplace):
     assert "falls with u everywhere" in pliant("fit", "bench.csv").out
 
 
+@pytest.mark.slow
 def test_a_table_of_all_axes_is_fitted_as_a_whole(pliant, workplace):
     from tests.pipeline.test_tables import module
 
@@ -139,6 +140,7 @@ def test_what_is_wrong_is_one_message(pliant, workplace, text, sentence):
     assert "Traceback" not in done.err
 
 
+@pytest.mark.slow
 def test_what_is_for_tables_only_is_refused_for_studies(pliant, workplace):
     (workplace / "study.yaml").write_text("pliant: 1\nname: a\n")
     pliant("fit", "study.yaml", "--compare").refused("--compare is for a table")

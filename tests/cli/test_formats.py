@@ -92,7 +92,7 @@ def test_the_page_has_every_verb_with_json():
     assert set(KEYS) - set(PUBLISHED) == set(CALLS) == set(VERBS) - {"view"}
 
 
-@pytest.mark.parametrize("verb", slow_among(CALLS, "fem", "plan", "improve"))
+@pytest.mark.parametrize("verb", slow_among(CALLS, "fem", "compare", "plan", "improve"))
 def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("PLIANT_STORE", raising=False)

@@ -155,6 +155,7 @@ def test_notes_may_stand_behind_the_files(saved, pliant):
     pliant("import", "units.angle_rad=deg").refused("name the recording")
 
 
+@pytest.mark.slow
 def test_a_new_study_runs_once_three_lines_are_filled_in(saved, pliant, tmp_path):
     saved(FILES["degrees called radians"])
     (tmp_path / "studies").mkdir()

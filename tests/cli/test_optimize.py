@@ -106,6 +106,7 @@ def test_an_objective_that_is_a_key_has_its_unit(optimize):
     assert re.search(r"slope    task\.pressure: 0\.12 kPa for 1 % of its range", call.out)
 
 
+@pytest.mark.slow
 def test_the_page_draws_the_best_design_as_it_was_evaluated(optimize, workplace, real_page):
     optimize("search.budget=6").done()
     assert (workplace / "runs/toy/search.html").is_file()
@@ -169,6 +170,7 @@ def test_a_larger_budget_goes_on(optimize, found, read):
     assert without_times(read("more.json")) == without_times(found("search.budget=18", "--store", "fresh"))
 
 
+@pytest.mark.slow
 def test_until_ends_it(found):
     result = found("search.until=tip_x <= 10.5 mm and tip_x >= 9.5 mm")
     assert result["stopped"] == "until" and result["evaluations"] < BUDGET
@@ -226,6 +228,7 @@ def test_an_objective_that_is_no_number_is_counted_and_survived(found):
     assert result["evaluations"] == BUDGET
 
 
+@pytest.mark.slow
 def test_nothing_feasible_exits_with_3_and_leaves_nothing_of_the_search_before(
     optimize, workplace, real_page
 ):
@@ -281,6 +284,7 @@ def test_wrong_workers_are_one_sentence(optimize, monkeypatch):
     optimize().refused("pip install 'pliant[search]'")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
 def test_ctrl_c_ends_it_and_the_same_command_goes_on(path, workplace):
     arguments = ("optimize", path, "search.budget=4000", "--workers", 2)

@@ -85,6 +85,7 @@ def test_the_length_of_a_film_may_be_given(pliant, study):
     assert Image.open("bend.gif").n_frames == 11
 
 
+@pytest.mark.slow
 def test_an_mp4_plays(pliant, study):
     try:
         films._ffmpeg()

@@ -26,6 +26,7 @@ def call(tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.slow
 def test_counts_are_simulated_compared_and_kept(call, tmp_path):
     result = call("compare", "study.yaml", "measurements.trials=3", "--json", "first.json", "--out", "page")
     assert result.exit_code == 0, result.stderr

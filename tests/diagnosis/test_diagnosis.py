@@ -89,7 +89,7 @@ PAIRS = [
 ]
 
 
-@pytest.mark.parametrize("pair", slow_among(PAIRS, *PAIRS[1::2]), ids="+".join)
+@pytest.mark.parametrize("pair", slow_among(PAIRS, *PAIRS[1:]), ids="+".join)
 def test_two_hidden_effects_are_both_named(pair, twice) -> None:
     hidden = [effect(kind, **values) for kind, values in pair.items()]
     found = judged(measured(CHAIN, twice, *hidden, seed=12), kinds=[*{*FEW, *pair}])

@@ -37,6 +37,7 @@ def shown(histories, chain=CHAIN, kinds=SOME):
     return excitations(REGISTRY, fitter, nothing, kinds)
 
 
+@pytest.mark.slow
 def test_without_temperatures_thermal_softening_is_silent_and_its_run_is_named() -> None:
     assert not_excited(shown(poor()), THRESHOLDS) == ("thermal_softening",)
     assert not_excited(shown(rich()), THRESHOLDS) == ()

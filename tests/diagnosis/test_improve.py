@@ -59,6 +59,7 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
     assert found.final.effects == found.steps[-1].effects  # what was scored is what is reported
 
 
+@pytest.mark.slow
 def test_two_hidden_effects_are_added_one_after_the_other(tmp_path):
     found = improved(tmp_path, effect("stiffness", factor=1.3), effect("sensor_bias", bias_rad=0.02))
     assert sorted(added(found)) == ["sensor_bias", "stiffness"]
@@ -67,6 +68,7 @@ def test_two_hidden_effects_are_added_one_after_the_other(tmp_path):
     assert ratios[2] < 1.2
 
 
+@pytest.mark.slow
 def test_a_clean_bench_takes_no_step(tmp_path):
     found = improved(tmp_path, kinds=None)
     assert added(found) == [] and found.final is None
@@ -104,6 +106,7 @@ def test_too_few_runs_to_lock_are_said(tmp_path):
     assert np.isfinite(found.steps[0].locked.over_floor)
 
 
+@pytest.mark.slow
 def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
     """A look-alike that training runs accept: the unseen condition tells, and the report says so plainly."""
     measurement = bench(tmp_path, effect("stiffness", factor=1.3))
@@ -184,6 +187,7 @@ def test_one_of_several_look_alikes_stands_for_all(tmp_path):
     assert found.final.effects == step.effects  # stays what was scored, and what it stands for
 
 
+@pytest.mark.slow
 def test_noise_alone_has_no_stand_in(tmp_path):
     """`nothing` is too probable for the look-alikes to share anything."""
     found = improve(BENCH, study(tmp_path), one_slow_noisy_run(tmp_path), kinds=[*LAGS, "sensor_bias"])

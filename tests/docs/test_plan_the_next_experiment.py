@@ -15,6 +15,7 @@ CONSOLE = blocks(PAGE, "console")
 ORDER = re.compile(r"^(?:run \d+: )?(\w+) \(([\d.]+) min\): (.+)$", re.M)
 
 
+@pytest.mark.slow
 def test_after_data_it_chooses_the_runs_of_the_page(workplace) -> None:
     said = run(commands(PAGE)[0])
     assert set(ORDER.findall(said)) == set(ORDER.findall(CONSOLE[0])) != set()

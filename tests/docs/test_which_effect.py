@@ -24,6 +24,7 @@ def found(workplace):
     return found
 
 
+@pytest.mark.slow
 def test_every_key_of_the_json_table_is_there(found):
     table = PAGE[PAGE.index("## JSON") :]
     keys = [key for row in re.findall(r"^\| (`[^|]*) \|", table, re.M) for key in re.findall(r"`(\w+)`", row)]

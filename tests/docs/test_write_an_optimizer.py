@@ -61,6 +61,7 @@ def test_it_finds_its_way_out_of_what_is_forbidden(component):
     assert best == pytest.approx(0.2**2, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page(component, workplace):
     (workplace / "reach.yaml").write_text(blocks(PAGE, "yaml")[0], encoding="utf-8")
     check, optimize = commands(PAGE)

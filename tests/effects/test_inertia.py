@@ -132,6 +132,7 @@ def mujoco(drag_1_s: float) -> PhysicsBackend:
     return engine("mujoco", timestep_s=1e-3, joint_damping=0.0, drag_1_s=drag_1_s)
 
 
+@pytest.mark.slow
 def test_it_is_what_mujoco_has_by_itself() -> None:
     """One joint with a dashpot after a step, in MuJoCo without its drag: the same swing within 2 % of it."""
     chain = chain_of(1, payload=0.02)

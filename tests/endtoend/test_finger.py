@@ -19,7 +19,7 @@ from pliant.cli.verbs import app
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "first_finger"
 TINY = ["fem.pressures=3", "fem.angles=3", "fem.check_states=2"]
-SMALL = ["fem.pressures=4", "fem.angles=5", "fem.check_states=4"]
+SMALL = ["fem.pressures=3", "fem.angles=4", "fem.check_states=3"]
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 
@@ -178,6 +178,7 @@ def edited_plugin(tmp_path):
     return package
 
 
+@pytest.mark.slow
 def test_editing_a_plugins_helper_recomputes_exactly_what_depends_on_it(tmp_path, edited_plugin):
     table = tmp_path / "law.csv"
     rows = [

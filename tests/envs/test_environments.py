@@ -40,6 +40,7 @@ def played(env, seed, policy, steps=1000):
     return np.array(observations), np.array(rewards), infos
 
 
+@pytest.mark.slow
 def test_the_checkers_have_no_remark(env):
     """Gymnasium's, and stable-baselines3's where it is installed; then a random policy."""
     from gymnasium.utils.env_checker import check_env

@@ -51,8 +51,8 @@ def test_my_csv(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_design_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    names, _ = executed("design_search", monkeypatch, tmp_path)
+def test_design_search(monkeypatch: pytest.MonkeyPatch, shared_store: Path) -> None:
+    names, _ = executed("design_search", monkeypatch, shared_store)
     assert names["history"].shape[0] == 30
     assert names["best"].objectives["rmse"] == pytest.approx(
         names["history"].loc[names["history"]["status"] == "ok", "rmse"].min()

@@ -310,6 +310,7 @@ def test_constraints_join_fix_and_cancel() -> None:
         constraints(replace(base, fixed={"nowhere": (0,)}))
 
 
+@pytest.mark.slow
 def test_antiperiodic_links_give_the_half_of_a_symmetric_cell() -> None:
     """A twist alone has the two-fold symmetry about z through mid-span: half the cell with signed links suffices.
 

@@ -14,6 +14,7 @@ from pliant.experiments.experiment_catalogue import OF_HELD, timed_catalogue
 from pliant.experiments.planned_run import BenchScale
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.reading import read_measurement
+from pliant.mechanics.held import imposed
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -113,7 +114,7 @@ def test_the_menu_of_a_held_joint_moves_it_and_loads_nothing() -> None:
 def test_what_cannot_be_held_is_refused() -> None:
     time = np.linspace(0.0, 1.0, 3)
     with pytest.raises(UserError, match="held in all runs"):
-        blocked(STRIP, [stretched(time, time), History.of({"pressure_pa": time}, time, run="free")])
+        imposed(STRIP, [stretched(time, time), History.of({"pressure_pa": time}, time, run="free")])
     several = sample_chain(linear_law(), modules=2)
     with pytest.raises(UserError, match="hold one joint, and this chain has 2"):
-        blocked(several, [History.of({"held_angle_rad": time}, time)])
+        imposed(several, [History.of({"held_angle_rad": time}, time)])

@@ -115,6 +115,7 @@ def test_each_regressor_is_taken_and_recorded(regressor: str) -> None:
     np.testing.assert_array_equal(again.targets(values), fitted.laws.targets(values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("regressor", ["gaussian_process", "polynomial"])
 def test_logarithms_enter_as_plain_inputs_of_the_exponent_would(regressor: str) -> None:
     """Designs at 10^s with inputs by their logarithm are those at s with plain ones; plain at 10^s they are not."""

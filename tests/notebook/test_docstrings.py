@@ -32,19 +32,18 @@ NAMES = [name for name in documented() if name not in ("StudyHandle.config", "St
 
 
 @pytest.fixture(scope="module")
-def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+def names(tmp_path_factory: pytest.TempPathFactory, shared_store: Path) -> dict[str, object]:
     """What the examples may speak of: a stated finger, the joint of the hidden effect, the folder of the examples."""
     matplotlib.use("Agg")
     folder = tmp_path_factory.mktemp("docstrings")
     (folder / "study.yaml").write_text(STUDY)
-    store = folder / "store"
     return {
         "np": np,
         "pliant": pliant,
         "examples": EXAMPLES,
-        "store": store,
-        "finger": pliant.open(folder / "study.yaml", store=store),
-        "joint": pliant.open(EXAMPLES / "hidden_effect" / "finger.yaml", store=store),
+        "store": shared_store,
+        "finger": pliant.open(folder / "study.yaml", store=shared_store),
+        "joint": pliant.open(EXAMPLES / "hidden_effect" / "finger.yaml", store=shared_store),
     }
 
 

@@ -121,6 +121,7 @@ def test_a_batch_is_not_one_candidate_many_times() -> None:
     assert len(np.unique(asked.round(9), axis=0)) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sqlite:///{}/s.db", "journal:{}/s.log"])
 def test_a_storage_shows_every_trial_once_through_an_interruption(kind: str, tmp_path: Path) -> None:
     place = kind.format(tmp_path)

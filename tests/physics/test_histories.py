@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.diagnosis.quick import BENCH, ENGINE, MORE_VALUES, REGISTRY, VALUES, P, effect
 
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
 from pliant.interfaces.physics import Variation
@@ -354,4 +355,4 @@ def test_spatial_joints_feel_the_temperature() -> None:
 
 
 def test_all_shipped_effects_are_tested_here() -> None:
-    assert set(KINDS) == set(REGISTRY.kinds("effect")) - ELSEWHERE
+    assert set(KINDS) == set(candidate_kinds(REGISTRY)) - ELSEWHERE

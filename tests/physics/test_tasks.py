@@ -148,6 +148,7 @@ def test_the_helix_is_the_study_s(helix: ChainModel) -> None:
     np.testing.assert_allclose(np.cross(towards, ahead), 0.0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_rings_of_three_engines_agree_under_every_load(helix: ChainModel, engine: PhysicsBackend) -> None:
     loads = {"loads": ["50 g"], "steps": 1}
     wanted = perform(hang(**loads), helix)

@@ -7,7 +7,8 @@ from benchmarks.families.kill import SPRINGS, Killing
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
 def test_kill_9_loses_nothing_and_repeats_nothing_saved(tmp_path, workers):
     text = SPRINGS.replace("delay_s: 0.05", "delay_s: 0.02, pressures: 3, angles: 3, check_states: 1")
     count = Killing(text, tmp_path, seed=1, window_s=0.4, workers=workers).run(kills=2)

@@ -150,6 +150,7 @@ def test_it_is_judged_by_the_same_rules(folder: Path) -> None:
     assert "FAILED   terms_keep_the_joint_stable" in bad.output
 
 
+@pytest.mark.slow
 def test_diagnose_tries_it_beside_ours_and_finds_it(folder: Path) -> None:
     """A bench whose joint stiffens so: each run twice, with loads either way, 4 mrad of noise."""
     (component,) = components_of(folder / "rise.py")

@@ -225,6 +225,7 @@ def test_what_is_printed_is_the_value_to_a_twentieth_of_its_deviation(value, sha
     assert abs(printed - value) <= max(0.051 * sd, 0.006 * value if sd >= 10 else 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [True, False])
 def test_readings_without_noise_or_time_and_missing_ones_have_a_page(clock):
     chain = joint()

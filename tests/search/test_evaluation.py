@@ -58,6 +58,7 @@ objective: {maximize: bend_angle}
 """
 
 
+@pytest.mark.slow
 def test_stated_laws_and_a_meta_models_give_what_the_stages_give(tmp_path):
     same_as_simulated(*bench.opened(tmp_path, bench.SPATIAL, SPATIAL), range(6))
     same_as_simulated(*bench.springs(tmp_path, SPRINGS), range(6))

@@ -179,6 +179,7 @@ def first_of(result):
     return {name: float(column[0]) for name, column in result.history.values.items()}
 
 
+@pytest.mark.slow
 def test_a_robust_search_says_what_it_costs(optimized):
     result = optimized(ROBUST, "search.budget=18")
     found = result.robustness

@@ -83,6 +83,7 @@ def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
     assert again.fem_wall_s == first.fem_wall_s
 
 
+@pytest.mark.slow
 def test_metrics_are_means_over_the_conditions(tmp_path):
     conditions = "conditions: {soft: {task.pressure: 5 kPa}, hard: {task.pressure: 10 kPa}}"
     opened = springs(tmp_path, ("objective: tip_x,", f"objective: tip_x, {conditions},"))

@@ -13,6 +13,7 @@ from benchmarks.evidence.sets import SetSpec, make_set, signal
 from benchmarks.evidence.tasks import ENGINES, Plan
 from benchmarks.evidence.truths import CHANGES, CLEAN, KINDS, UNKNOWN, draw_part, robots_of
 
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.registry.discovery import discover
 
 
@@ -52,7 +53,7 @@ def test_the_forms_of_a_kind_are_disjoint_between_the_splits() -> None:
 
 
 def test_every_shipped_effect_and_every_unknown_one_has_its_forms() -> None:
-    shipped = set(discover().kinds("effect"))
+    shipped = set(candidate_kinds(discover()))
     assert set(KINDS) == shipped
     assert set(FORMS) == {*KINDS, *UNKNOWN} == set(CHANGES) - {CLEAN}
     assert len(UNKNOWN) >= 12 and not set(UNKNOWN) & set(KINDS)

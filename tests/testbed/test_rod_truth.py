@@ -35,7 +35,7 @@ def test_a_rod_without_weight_turns_by_its_moment_over_its_stiffness() -> None:
 
 def test_the_study_given_away_is_the_clean_rod_at_rest() -> None:
     law, mass = fitted()
-    assert ROD.law == pytest.approx(law, rel=1e-4) and ROD.mass_kg == pytest.approx(mass, rel=1e-4)
+    assert ROD.law == pytest.approx(law, rel=1e-3) and ROD.mass_kg == pytest.approx(mass, rel=1e-4)
     k_n, m_a, m_e, b_e = law
     sigma = 0.02 * 0.8
     for share, load, pitch in ((1.0, 0.0, 0.0), (0.5, 1.0, 0.0), (0.3, -1.0, 0.0), (0.7, 0.0, np.pi / 2)):
@@ -45,7 +45,7 @@ def test_the_study_given_away_is_the_clean_rod_at_rest() -> None:
             weight = 0.5 * mass * GRAVITY_M_S2 * ROD.length_m / 4 * np.sin(u - pitch)  # noqa: B023
             return k_n * p + m_a * p * u - m_e * u * abs(u) / 2 - b_e * u - load * LOAD_N_M - weight  # noqa: B023
 
-        assert angle(held(share, load, pitch))[-1] == pytest.approx(brentq(balance, -1, 2), abs=0.6 * sigma)
+        assert angle(held(share, load, pitch))[-1] == pytest.approx(brentq(balance, -1, 2), abs=0.2 * sigma)
 
 
 def test_a_rod_is_late_drags_and_stops_as_its_fields_say() -> None:

@@ -13,6 +13,7 @@ from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
@@ -118,7 +119,7 @@ def diagnose(
     measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
-    kinds = effect or here.registry.kinds("effect")
+    kinds = candidate_kinds(here.registry, effect or None)
     own = own_runs(loaded, predictor.chain, measurement)
     with fitting_bar(here.progress, len(kinds)) as bar:
         found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)

@@ -11,6 +11,7 @@ from pliant.cli.evidence import DataFile, measurement_of
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import Ground, write_extended_study
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.errors import UserError
@@ -70,8 +71,10 @@ def _kinds(here: Session, study: Study, effect: list[str] | None, refit: bool) -
     if not effect:
         raise UserError(
             f"name the effect: pliant extend STUDY.yaml --effect KIND. 'pliant diagnose' says which; there are "
-            f"{', '.join(here.registry.kinds('effect'))}."
+            f"{', '.join(candidate_kinds(here.registry))}."
         )
-    for kind in effect:
-        here.registry.get("effect", kind)
-    return [*(present.kind for present in study.effects if refit), *effect]
+    fitted = candidate_kinds(here.registry)
+    return [
+        *(one.kind for one in study.effects if refit and one.kind in fitted),
+        *candidate_kinds(here.registry, effect),
+    ]

@@ -11,11 +11,18 @@ from pliant.cli.bars import fitting_bar
 from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, report_folder
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session, check_writable
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
 
+Learned = Annotated[
+    bool,
+    typer.Option(
+        "--learned", help="Let a learned curve be the last step: it describes what no listed effect explains."
+    ),
+]
 NewStudy = Annotated[
     Path | None,
     typer.Option(
@@ -40,32 +47,34 @@ def improve(
     report: Annotated[Path | None, report_folder("improve", "--report")] = None,
     force: Force = False,
     full: Full = False,
+    learned: Learned = False,
     workers: Workers = 1,
     named_only: NamedOnly = False,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
     loaded = here.study(study, overrides)
-    for kind in effect or ():
-        here.registry.get("effect", kind)
+    kinds = candidate_kinds(here.registry, effect or None)
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
     bench = here.bench()
     measurement = measurement_of(here, bench, loaded, data)
     check_writable(folder)
-    with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
+    with fitting_bar(here.progress, len(kinds)) as bar:
         found = improve_with(
             bench,
             loaded,
             measurement,
-            kinds=effect,
+            kinds=kinds,
+            learned=learned,
             named_only=named_only,
             tick=bar.tick,
             workers=workers,
         )
     here.measured(loaded, measurement)
     here.result["final_study"] = str(study)
-    if found.final is not None:
+    written = found.final is not None or found.learned is not None
+    if written:
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
         write_extended_study(
             study,
@@ -76,9 +85,10 @@ def improve(
             origin(found, cited(measurement)),
             here.installed,
             notes_by_kind=notes,
+            learned=found.learned,
             data=data,
             full=full,
         )
         here.result["final_study"] = str(target)
-    here.say(f"study    {target}" if found.final is not None else "No study was written.")
+    here.say(f"study    {target}" if written else "No study was written.")
     here.show(improvement_document(loaded.name, measurement, found, here.registry, effect or ()), folder)

@@ -14,6 +14,7 @@ from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, w
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
+from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.classes import design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.next_run import (
@@ -70,9 +71,7 @@ def plan(
     folder = out or Path("runs") / f"{loaded.name}-plan"
     check_writable(folder)
     bench, most = here.bench(), np.inf if minutes is None else minutes
-    kinds = effect or here.registry.kinds("effect")
-    for kind in kinds:
-        here.registry.get("effect", kind)
+    kinds = candidate_kinds(here.registry, effect or None)
     here.result |= {"study": loaded.name, "out": str(folder)}
     if data or loaded.measurements is not None:
         measurement = measurement_of(here, bench, loaded, data)

@@ -25,6 +25,27 @@ START_SHARE = 0.3
 MOST_STARTS = 3
 
 
+def candidate_kinds(registry: Registry, kinds: Sequence[str] | None = None) -> list[str]:
+    """Kinds of effects that a diagnosis may fit, each once: all that have a number to fit where none are named.
+
+    Raises:
+        UserError: a kind that is not known, or one without a number to fit.
+    """
+    if kinds is None:
+        return [kind for kind in registry.kinds("effect") if _fitted(registry, kind)]
+    for kind in kinds:
+        if not _fitted(registry, kind):
+            raise UserError(
+                f"effect '{kind}' has no number that is fitted by itself, so it is no candidate; "
+                + ("'pliant improve --learned' learns one." if kind == "learned" else "name others.")
+            )
+    return list(dict.fromkeys(kinds))
+
+
+def _fitted(registry: Registry, kind: str) -> bool:
+    return bool(cast(type[EffectConfig], registry.get("effect", kind).config_model()).fit_parameters())
+
+
 @dataclass(frozen=True)
 class FitParameter:
     """One parameter of one effect of a candidate, seen as a number x of order 1.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
 from pliant.diagnosis.excitation import (
@@ -29,9 +29,12 @@ from pliant.diagnosis.fitting import (
     EffectFit,
     Fitter,
     ReadingVector,
+    condition_of_runs,
     heldout_residual,
     readings_over_floor,
 )
+from pliant.diagnosis.learned_term import LearnedTerm, learn
+from pliant.diagnosis.learned_words import offer
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.search import HypothesisSearch, Tick
@@ -58,6 +61,7 @@ from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
+from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
@@ -88,6 +92,7 @@ class Diagnosis:
         circumstances: their names in words, as `compare` says them.
         not_tried: candidates that could not be judged, and why, in sentences; `remarks` holds them, too.
         explained: the hypothesis whose residual `depends_on` describes.
+        learned: what describes the error better than nothing where no listed effect explains it.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
@@ -109,6 +114,7 @@ class Diagnosis:
     estimates: Mapping[Kinds, Uncertainty]
     excitations: Mapping[str, Excitation]
     wall_s: float
+    learned: LearnedTerm | None = None
 
     @property
     def scales(self) -> Mapping[str, float]:
@@ -161,9 +167,7 @@ def diagnose(
     """
     started = time.perf_counter()
     registry = predictor.bench.registry
-    asked = list(dict.fromkeys(registry.kinds("effect") if kinds is None else kinds))
-    for kind in asked:
-        registry.get("effect", kind)
+    asked = candidate_kinds(registry, kinds)
     plain = predictor.predict()
     known, unknown = with_known_states(predictor.measurement)
     measurement, lost = _followed(known, plain)
@@ -227,8 +231,15 @@ def diagnose(
         not_tried=tuple(not_tried),
         estimates=_estimates(fitter, search.fits, judgement, n),
         excitations=shown,
+        learned=_learned(predictor, readings, table) if judgement.verdict == "unknown_effect" else None,
         wall_s=time.perf_counter() - started,
     )
+
+
+def _learned(predictor: Predictor, readings: ReadingVector, table: EvidenceTable) -> LearnedTerm | None:
+    """A learned term on the model as it is."""
+    groups = [group.runs for group in repeat_groups(predictor.measurement)]
+    return learn(predictor, readings, table.noise, condition_of_runs(readings.n_runs, groups)[readings.run])
 
 
 def _followed(
@@ -313,6 +324,8 @@ def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]
             lines += [" ".join(in_plain_words(registry, kind, signature=False))]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
+    if found.learned is not None:
+        lines.append(offer(found.learned))
     return lines
 
 

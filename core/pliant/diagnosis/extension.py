@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
-from pliant.diagnosis.candidates import StudyCandidate
+from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import (
     EffectFit,
@@ -30,6 +30,8 @@ from pliant.diagnosis.fitting import (
     score,
 )
 from pliant.diagnosis.kept_posterior import block_of
+from pliant.diagnosis.learned_term import KIND, LearnedTerm
+from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.posterior import Posterior, posterior_of
 from pliant.diagnosis.scatter import Scatter, scatter_of
@@ -156,7 +158,7 @@ def extend(
         UserError: an unknown kind, or one that makes no sense for this chain.
     """
     registry = ground.predictor.bench.registry
-    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)), forms)
+    candidate = StudyCandidate.among(registry, effects, candidate_kinds(registry, kinds), forms)
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
@@ -237,11 +239,12 @@ def write_extended_study(
     target: Path,
     study: Study,
     overrides: Sequence[str],
-    found: Extension,
+    found: Extension | None,
     note: str,
     registry: Registry,
     *,
     notes_by_kind: Mapping[str, str] | None = None,
+    learned: LearnedTerm | None = None,
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
@@ -251,10 +254,11 @@ def write_extended_study(
         source: the study's file.
         target: the new file.
         study: as it was read from `source` with `overrides`.
-        found: the fitted effects.
+        found: the fitted effects; None where none was added.
         note: where they come from, one line.
         registry: as it was before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
+        learned: a learned term behind them.
         data: the files that were fitted where they are not the study's; they become the new study's.
         full: whether the file shall stand alone.
 
@@ -262,25 +266,42 @@ def write_extended_study(
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     draft = StudyDraft(source, overrides)
-    effects = [effect.canonical() for effect in found.effects]
-    meant = {**study.canonical(), "name": draft.name_after(target), "effects": effects}
+    effects = study.effects if found is None else found.effects
+    every = (*effects, *(() if learned is None else (learned.effect,)))
+    meant = {**study.canonical(), "name": draft.name_after(target)}
+    meant["effects"] = [effect.canonical() for effect in every]
     if data:
         files = tuple(str(file.absolute()) for file in data)
         named: str | tuple[str, ...] = files[0] if len(files) == 1 else files
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
+    if found is not None:
+        _set_fitted(draft, found, note, notes_by_kind or {})
+    if (
+        found is not None and learned is None
+    ):  # the scatter that it holds is of the model without a learned term
+        kept = block_of(found.posterior, found.scatter).canonical()
+        draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
+        meant["posterior"] = kept
+    if learned is not None:
+        at = ("effects", len(effects))
+        draft.set((*at, "kind"), KIND, f"{note}; {depends_on(learned)}: a description, no cause")
+        for key, value in learned.form.block(learned.value, learned.sd).items():
+            if key != "kind":
+                draft.set((*at, key), value)
+    draft.write(target, meant, registry, full)
+
+
+def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
+    """The fitted effects with their uncertainty."""
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
-        draft.set((*at, "kind"), kind, note + (notes_by_kind or {}).get(kind, ""))
+        draft.set((*at, "kind"), kind, note + notes_by_kind.get(kind, ""))
         for estimate in found.uncertainty.estimates:
             if estimate.kind == kind:
                 key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
-    kept = block_of(found.posterior, found.scatter).canonical()
-    draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
-    meant["posterior"] = kept
-    draft.write(target, meant, registry, full)
 
 
 def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[str, str | float]:

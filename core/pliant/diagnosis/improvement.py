@@ -18,11 +18,16 @@ from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Literal
 
+import numpy as np
+
 from pliant.config.study import Study
 from pliant.diagnosis.bands import Bands, bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import Score, score
+from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
+from pliant.diagnosis.learned_term import KIND as LEARNED
+from pliant.diagnosis.learned_term import LearnedTerm, learn
+from pliant.diagnosis.learned_words import described
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
@@ -95,6 +100,7 @@ class Step:
             which; empty where the verdict was the effect itself.
         cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is; empty
             for the model as it was.
+        learned: the learned term of this step; None for effects.
     """
 
     added: tuple[str, ...]
@@ -106,10 +112,13 @@ class Step:
     training: Score
     stands_for: Kinds = ()
     cause: Cause = ""
+    learned: LearnedTerm | None = None
 
     @property
     def named(self) -> str:
         """What was added, with the look-alikes that it stands for; empty for the model as it was."""
+        if self.learned is not None:
+            return "a learned term"
         others = [kind for kind in self.stands_for if kind not in self.added]
         return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
 
@@ -127,7 +136,7 @@ class Improvement:
         final: the last fit, with its uncertainty; None where no effect was added.
         remarks: what limits the result, in sentences.
         next_run: what the last diagnosis proposes to measure.
-        bands: of the last model on all runs; None where no effect was added.
+        bands: of the last model on all runs; None where no effect was added, or a learned term behind them.
     """
 
     steps: tuple[Step, ...]
@@ -140,6 +149,11 @@ class Improvement:
     remarks: tuple[str, ...]
     next_run: NextRun | None = None
     bands: Bands | None = None
+
+    @property
+    def learned(self) -> LearnedTerm | None:
+        """The learned term of the last step, if it is one."""
+        return self.steps[-1].learned
 
     @property
     def scored_on(self) -> str:
@@ -160,6 +174,7 @@ class _Draft:
     left_out: Residuals
     stands_for: Kinds = ()
     cause: Cause = ""
+    learned: LearnedTerm | None = None
 
 
 @dataclass(frozen=True)
@@ -180,6 +195,7 @@ def improve(
     *,
     kinds: Sequence[str] | None = None,
     most_steps: int = MOST_STEPS,
+    learned: bool = False,
     named_only: bool = False,
     tick: Tick | None = None,
     workers: Workers = 1,
@@ -190,6 +206,7 @@ def improve(
         bench, study, measurement: the model and what the bench recorded.
         kinds: candidates; all effects by default.
         most_steps: effects at most.
+        learned: whether a learned term may be the last step.
         named_only: add nothing whose cause no verdict names.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: who fits hypotheses, as for `diagnose`.
@@ -199,7 +216,10 @@ def improve(
     """
     walk = _Walk(bench, study, measurement, kinds, tick, workers)
     stop, reason = walk.go(most_steps, named_only)
-    return walk.scored(stop, reason, walk.final())
+    final = walk.final()
+    if learned:
+        walk.learn()
+    return walk.scored(stop, reason, final)
 
 
 class _Walk:
@@ -293,9 +313,36 @@ class _Walk:
         self.effects = found.effects
         return found
 
+    def learn(self) -> None:
+        """What no listed effect explains as a learned term, where it predicts training runs left out better."""
+        predictor = self._predictor()
+        readings = self.ground.readings(self.effects)
+        noise = noise_view(
+            self.locked.training, self.ground.residuals(self.effects), readings.scales, self.ground.groups
+        )
+        condition = condition_of_runs(readings.n_runs, [group.runs for group in self.ground.groups])
+        alone = len(np.unique(readings.run)) == 1
+        folds = blocks_of(readings) if alone else readings.fold
+        found = learn(predictor, readings, noise, condition[readings.run], folds)
+        if found is None:
+            return
+        effects = (*self.effects, found.effect)
+        residuals = self.ground.residuals(effects, self.measurement)
+        fall = (
+            f"It takes the error on {found.on} from {found.before:.2f} to {found.after:.2f} times the noise."
+        )
+        why = f"{described(found)[:1].upper() + described(found)[1:]} {fall}"
+        left = readings.unpack(found.left_out)
+        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, learned=found))
+
+    def _predictor(self) -> Predictor:
+        """The model as it is, driven by the training runs."""
+        study = self.study.model_copy(update={"effects": self.effects})
+        return Predictor.of_study(self.bench, study, self.locked.training)
+
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
-        predictor = Predictor.of_study(self.bench, study, self.locked.training)
+        predictor = self._predictor()
         own = own_runs(study, predictor.chain, predictor.measurement)
         self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
         return self.last
@@ -381,9 +428,13 @@ class _Walk:
                     training,
                     draft.stands_for,
                     draft.cause,
+                    draft.learned,
                 )
             )
-        reason = self._closing(stop, reason, steps[-1], noise)
+        listed_last = steps[-2] if last.learned is not None else steps[-1]
+        reason = self._closing(stop, reason, listed_last, noise)
+        if last.learned is not None:
+            reason += f" The last step is a learned term: {described(last.learned)}"
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [
             *self.measurement.remarks,
@@ -416,7 +467,9 @@ class _Walk:
             final,
             tuple(remarks),
             next_run,
-            None if final is None else bands(self.ground.predictor, final.posterior, final.scatter),
+            None
+            if final is None or last.learned
+            else bands(self.ground.predictor, final.posterior, final.scatter),
         )
 
     def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:

@@ -159,6 +159,11 @@ class Predictor:
         return self._base.chain
 
     @property
+    def main_axis(self) -> int:
+        """Which of a joint's coordinates is the main one."""
+        return self._geometry.main
+
+    @property
     def remarks(self) -> list[str]:
         """What was measured and the model does not have, in a sentence."""
         return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
@@ -190,10 +195,16 @@ class Predictor:
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
         if any(map(is_held, driven)):
             return self._held(model, driven, parts)
-        reached = _reached(model, driven, parts)
+        reached = _reached(model, _fine(driven, parts))
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached, parts), failed)
+
+    def paths(self, effects: Sequence[EffectConfig] = ()) -> tuple[tuple[History, ...], tuple[Followed, ...]]:
+        """What reaches the chain in each run, effects' input maps done, and how the chain follows."""
+        model = self._changed(self._base, effects)
+        reached = tuple(model.commanded(h) for h in self._histories)
+        return reached, self.backend.follow(model.chain, reached)[0]
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
@@ -218,8 +229,15 @@ class Predictor:
             kept = self._held(model, self._histories, parts)
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
             return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
-        driven = tuple(_reached(model, self._histories, parts))
-        variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
+        fine = _fine(self._histories, parts)
+        driven = tuple(_reached(model, fine))
+        if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
+            paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
+            base = self._read(model, paths, driven, parts)
+            failed = int(sum((~path.converged).sum() for path in paths))
+            seen = (self._read(other, paths, driven, parts) for other in others)
+            return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
+        variations = [Variation(m.chain, tuple(_reached(m, fine))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)
         differences = []
@@ -351,9 +369,14 @@ def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> t
     return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
 
 
-def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
-    """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
-    return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+def _fine(histories: Sequence[History], parts: int) -> Sequence[History]:
+    """At every step; closed valves first, for they hold what a sample commanded."""
+    return histories if parts == 1 else [held(history).refined(parts) for history in histories]
+
+
+def _reached(model: Model, histories: Sequence[History]) -> list[History]:
+    """What reaches the chain."""
+    return [model.commanded(history) for history in histories]
 
 
 def _fitting_parts(model: Model, parts: int) -> int:

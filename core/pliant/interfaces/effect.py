@@ -225,12 +225,15 @@ class Effect(Configured[EffectConfig]):
     of a subclass's file gives the equation and its source. `exciting` names runs of the default catalogue
     (`pliant.experiments.experiment_catalogue`) that show the effect and tell it from its look-alike. `actuation` names
     the input that the chain's laws must take for the effect to make sense (`tendon_force_n`); empty where any does.
+    `fitted` is False where an effect's numbers are data that are learned as a whole: it declares no parameter, so that
+    no diagnosis tries it.
     """
 
     place: ClassVar[Place]
     notes: ClassVar[EffectNotes] = EffectNotes()
     exciting: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""
+    fitted: ClassVar[bool] = True
 
     @abstractmethod
     def apply(self, model: Model) -> Model:

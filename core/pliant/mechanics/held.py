@@ -116,6 +116,7 @@ def _combined(chain: ChainModel, actuation: Mapping[str, Array], path: Array, pa
             return s * law.evaluate(pressure, s * u[:, None]).tau[:, 0]
 
         straight = tau(none, path)
-        total += parts.elastic * tau(none, path - parts.rest)
-        total += parts.actuation * (tau(actuation[actuator.input], path) - straight)
+        total += parts.elastic * (tau(none, path - parts.rest) if parts.rest.any() else straight)
+        if actuation[actuator.input].any():
+            total += parts.actuation * (tau(actuation[actuator.input], path) - straight)
     return total

@@ -11,6 +11,7 @@ from pliant import api
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.extension import Extension, write_extended_study
+from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
@@ -278,6 +279,7 @@ class StudyHandle:
         data: Data = None,
         *,
         effects: Sequence[str] | None = None,
+        learned: bool = False,
         named_only: bool = False,
         workers: Workers = 1,
         out: str | Path | None = None,
@@ -287,6 +289,7 @@ class StudyHandle:
         Args:
             data: see `compare`.
             effects: candidates; all by default.
+            learned: whether a learned term may be the last step.
             named_only: add nothing whose cause no verdict names, however well it predicts.
             workers: processes that fit hypotheses.
             out: a new study file that has what was added; nothing is written where nothing was.
@@ -300,15 +303,29 @@ class StudyHandle:
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
             found = api.improve(
-                self.opened, measurement, kinds=effects, named_only=named_only, workers=workers
+                self.opened,
+                measurement,
+                kinds=effects,
+                learned=learned,
+                named_only=named_only,
+                workers=workers,
             )
             document = improvement_document(self.name, measurement, found, registry, effects or ())
-        if out is not None and found.final is not None:
+        if out is not None and (found.final is not None or found.learned is not None):
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
-            self._write(Path(out), found.final, data, improvement_origin(found, cited(measurement)), notes)
+            note = improvement_origin(found, cited(measurement))
+            self._write(Path(out), found.final, data, note, notes, found.learned)
         return Result(found, document, plots.steps, frames.steps)
 
-    def _write(self, target: Path, found: Extension, data: Data, note: str, notes: Mapping[str, str]) -> None:
+    def _write(
+        self,
+        target: Path,
+        found: Extension | None,
+        data: Data,
+        note: str,
+        notes: Mapping[str, str],
+        learned: LearnedTerm | None = None,
+    ) -> None:
         """The study with the effects of an extension, as the commands write it.
 
         Raises:
@@ -328,6 +345,7 @@ class StudyHandle:
             note,
             discover(),
             notes_by_kind=notes,
+            learned=learned,
             data=[Path(file) for file in files],
         )
 

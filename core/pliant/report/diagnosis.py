@@ -51,6 +51,7 @@ from pliant.report.fitted import (
     verdict_json,
     warned,
 )
+from pliant.report.learned import learned_json, learned_section
 from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
@@ -148,6 +149,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],
         "next_experiment": next_run_json(found.next_run, next_file),
+        "learned": learned_json(found.learned),
         "smallest_detectable": [vars(one) for one in found.detectable],
         "floor": floors_json(noise.floors),
         "n_samples": found.table.n_readings,
@@ -239,6 +241,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     made = [
         _next(found),
         _changes(diagnosed, figures.explained_runs),
+        learned_section(found.learned),
         section(
             "What the error depends on",
             depends,

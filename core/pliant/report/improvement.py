@@ -41,6 +41,7 @@ from pliant.report.fitted import (
     parameters_table,
     warned,
 )
+from pliant.report.learned import learned_json, learned_section
 from pliant.report.posterior import (
     bands_json,
     bands_words,
@@ -105,6 +106,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "unseen_runs": [names[k] for k in found.locked.unseen],
         "noise_floor": floors_json(found.floors),
         "judged": found.judged,
+        "learned": learned_json(found.learned),
         "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
         "posterior": None if final is None else fitted_posterior_json(final),
         "band": None if found.bands is None else bands_json(*_judged_band(found, measurement)),
@@ -247,6 +249,7 @@ def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
         hero,
         section(title, steps, text=(*_whys(found), f"Why it stopped: {found.reason}"), open=True),
         section("What was added", added),
+        learned_section(found.learned),
         section(
             "How sure the prediction is",
             _band_picture(found, measurement),

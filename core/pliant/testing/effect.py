@@ -78,8 +78,12 @@ def declares_place_and_parameters(subject: Subject) -> None:
 
 @declared
 def has_a_strength(subject: Subject) -> None:
-    """at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it."""
+    """at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it; none where
+    `fitted` is False."""
     roles = {p.name: p.role for p in parameters(subject)}
+    if not type(subject.build()).fitted:
+        require(not roles, f"fitted is False, and yet {', '.join(roles)} may be fitted: drop one of the two")
+        return
     how = "calibration would have nothing to fit; declare fields by `parameter(…)`"
     require(roles, f"the effect has no parameters: {how}")
     shapes = f"{', '.join(roles)} are all shapes; which one makes the effect vanish?"
@@ -111,8 +115,12 @@ def config_keeps_the_bounds(subject: Subject) -> None:
 
 
 def neutral_values_change_nothing(subject: Subject) -> None:
-    """with every strength neutral the effect vanishes, whatever its shape."""
-    plain, neutral = sample_model(subject), applied(subject, absent(subject))
+    """with every strength neutral the effect vanishes, whatever its shape; without strengths, with every default."""
+    plain = sample_model(subject)
+    if type(subject.build()).fitted:
+        neutral = applied(subject, absent(subject))
+    else:
+        neutral = subject.build(subject.plain_config).apply(plain)
     for place, sight in SIGHTS.items():
         finding = f"with every strength neutral the {place} differs"
         agree(sight(neutral), sight(plain), finding, rtol=1e-12, atol=1e-15)

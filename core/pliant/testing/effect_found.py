@@ -43,6 +43,8 @@ SEED = 3
 def is_found_when_injected(subject: Subject) -> None:
     """hidden in its `exciting` runs and a few plain ones, it is named, or a class of look-alikes that holds it."""
     kind, effect = subject.component.kind, type(subject.build())
+    if not effect.fitted:
+        raise CheckSkipped("its numbers are data: it is no candidate of a diagnosis")
     runs = _exciting_runs(subject, effect.exciting)
     predictor = _predictor(subject, _injected(subject, runs))
     found = diagnose(predictor, kinds=_candidates(subject), runs=runs[:1])

@@ -1,0 +1,162 @@
+"""How far a learned term brings the error down on runs that nothing has seen, where the hidden form is no effect's.
+
+    python -m benchmarks.evidence.learned [--seeds 2] [--kinds gain_bump …]
+
+Sets of the calibration split of every unknown form are made as the bench makes them (one joint, rich protocol,
+compiled truth). Each is asked twice, of the model as it is:
+
+- *unseen runs*: `lock` puts a quarter of the runs aside as `pliant improve` does, the term is learned from the others,
+  and the error on the runs put aside is taken over the noise floor of all runs, without and with it;
+- *outside its data*: all readings above `REACH` of the largest pressure are hidden, the term is learned from the
+  others, and the error on the hidden ones with the term is taken over that without.
+
+Where no term is offered both are those without. Printed: each set, then the medians; in benchmarks/out/learned.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from benchmarks.evidence.sets import SetSpec, make_set
+from benchmarks.evidence.truths import UNKNOWN
+from benchmarks.output import Bar, write
+
+from pliant import api
+from pliant.diagnosis.fitting import condition_of_runs, readings_over_floor, score
+from pliant.diagnosis.learned_term import LearnedTerm, learn
+from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.test_split import lock
+from pliant.evidence.places import residuals_of
+from pliant.evidence.prediction import Predictor
+from pliant.measurements.repeats import repeat_groups
+from pliant.records.measurement import Measurement
+
+REACH = 0.7
+MOST = 1.3
+PUSHED = "pressure_pa"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One set: what was learned, RMS errors over the floor on runs put aside, and the ratio outside its data."""
+
+    kind: str
+    seed: int
+    learned: str
+    without: float
+    with_it: float
+    outside: float
+    wall_s: float
+
+
+def main() -> None:
+    """Make the sets, learn, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=2, help="sets per unknown form")
+    parser.add_argument("--kinds", nargs="*", default=list(UNKNOWN), help="unknown forms")
+    asked = parser.parse_args()
+    rows = []
+    for kind in asked.kinds:
+        for seed in range(asked.seeds):
+            rows.append(answer(kind, seed))
+            print(line(rows[-1]), flush=True)
+    told = summary(rows)
+    for name, value in told.items():
+        print(f"{name}: {value:.2f}")
+    bars = [
+        Bar("error on unseen runs over the floor, median", told["with, median"], MOST, "times"),
+        Bar("outside its data: with over without, median", told["outside, median"], 1.0, "times"),
+    ]
+    write("learned", {"sets": [asdict(row) for row in rows], "summary": told}, bars)
+
+
+def answer(kind: str, seed: int) -> Answer:
+    """Make one set and ask it both ways."""
+    started = time.perf_counter()
+    made = make_set(SetSpec(kind, seed, split="calibration"), "learned")
+    with tempfile.TemporaryDirectory() as folder:
+        study, csv = Path(folder) / "set.yaml", Path(folder) / "set.csv"
+        study.write_text(made.study)
+        csv.write_text(made.csv)
+        opened = api.open_study(study, store=Path(folder))
+        whole = api.read_measurement(opened, csv)
+        locked = lock(whole)
+        model = Predictor.of_study(opened.bench, opened.study, locked.training)
+        found = learned(model, locked.training)
+        plain, better = (residuals_of(whole, model.predict(effects_of(one))) for one in (None, found))
+        floors = noise_view(whole, better, dict.fromkeys(better[0], 1.0), repeat_groups(whole)).floors
+        without, with_it = (score(one, floors, locked.runs).over_floor for one in (plain, better))
+        outside = beyond(Predictor.of_study(opened.bench, opened.study, whole), whole)
+    words = "nothing" if found is None else form_of(found)
+    return Answer(kind, seed, words, without, with_it, outside, time.perf_counter() - started)
+
+
+def learned(model: Predictor, measurement: Measurement) -> LearnedTerm | None:
+    """The term that these readings support, of the model as it is."""
+    plain, groups = residuals_of(measurement, model.predict()), repeat_groups(measurement)
+    readings, _ = readings_over_floor(measurement, plain, groups)
+    noise = noise_view(measurement, plain, readings.scales, groups)
+    condition = condition_of_runs(readings.n_runs, [group.runs for group in groups])
+    return learn(model, readings, noise, condition[readings.run])
+
+
+def beyond(model: Predictor, whole: Measurement) -> float:
+    """Error at pressures above those learned from, with the term over without it."""
+    most = max(float(run.history.actuation[PUSHED].max()) for run in whole.runs)
+    low, high = [], []
+    for run in whole.runs:
+        above = run.history.actuation[PUSHED] > REACH * most
+        low.append(run.with_outputs({n: np.where(above, np.nan, v) for n, v in run.outputs.items()}))
+        high.append(run.with_outputs({n: np.where(above, v, np.nan) for n, v in run.outputs.items()}))
+    inside = replace(whole, runs=tuple(low))
+    found = learned(model.for_runs(inside), inside)
+    if found is None:
+        return 1.0
+    unread = replace(whole, runs=tuple(high))
+    squares = []
+    for one in (found, None):
+        left = residuals_of(unread, model.predict(effects_of(one)))
+        squares.append(sum(float(np.nansum(values**2)) for run in left for values in run.values()))
+    return float(np.sqrt(squares[0] / squares[1]))
+
+
+def effects_of(found: LearnedTerm | None) -> tuple:
+    """The term as effects of a model."""
+    return () if found is None else (found.effect,)
+
+
+def form_of(found: LearnedTerm) -> str:
+    """Where it acts and over what."""
+    return f"{found.form.acts_on}({', '.join(axis.name for axis in found.form.axes)})"
+
+
+def line(row: Answer) -> str:
+    """One set in words."""
+    fall = f"{row.without:5.2f} -> {row.with_it:5.2f} over the floor"
+    return f"{row.kind:20s}{row.seed:3d}  {fall}   outside {row.outside:5.2f}   {row.learned}  ({row.wall_s:.0f} s)"
+
+
+def summary(rows: Sequence[Answer]) -> dict[str, float]:
+    """Medians, and the worst."""
+    without, with_it, outside = (
+        np.array([getattr(row, name) for row in rows]) for name in ("without", "with_it", "outside")
+    )
+    return {
+        "without, median": float(np.median(without)),
+        "with, median": float(np.median(with_it)),
+        "with, worst": float(with_it.max()),
+        "share within the bar": float(np.mean(with_it <= MOST)),
+        "outside, median": float(np.median(outside)),
+        "outside, worst": float(outside.max()),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

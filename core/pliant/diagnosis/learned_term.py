@@ -1,0 +1,324 @@
+"""The smallest learned term that predicts runs left out better: what to add when no listed effect explains the rest.
+
+Every form of `learned_forms` is fitted to the residuals by the engine's own slopes (`smooth_fit`) and judged on runs
+that its values were not fitted to. Of those that predict as well as the best, within one standard error of their
+difference, the simplest is taken (Breiman et al. 1984, the one-standard-error rule), fitted again where it has led the
+model, and judged again. It is offered where the error on runs left out falls by more than its uncertainty, and does not
+rise on conditions left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.diagnosis.fitting import ReadingVector
+from pliant.diagnosis.learned_forms import TUNED, LearnedForm, SeenMotion
+from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.smooth_fit import LinearModel, Prior, Sums, left_out, most_likely
+from pliant.errors import PliantError
+from pliant.evidence.prediction import Predictor
+from pliant.interfaces.effect import EffectConfig
+from pliant.mechanics.held import is_held
+from pliant.records.design import Array
+
+KIND = "learned"
+# The fall of the squared error on runs left out, in standard errors, and of its root as a share.
+SURE, LEAST_FALL = 3.0, 0.03
+# Rise of the squared error on conditions left out that is still chance.
+MOST_RISE = 1.05
+# Gauss-Newton steps from the curve of the linear fit, and the fall of the squared error below which they end.
+MOST_STEPS, STILL = 8, 2e-3
+# A curve that leaves less than this of the floor's square on runs left out leaves nothing for a surface.
+ENOUGH = 1.1
+# Forms that are fitted beyond the first order, the best of those that help; scales of a covariate that are tried.
+MOST_REFINED, MOST_SCALES = 4, 3
+# Values of a surface or curve are thinned to so many knots per length over which it changes.
+KNOTS_PER_LENGTH = 1.5
+FEWEST_KNOTS = 4
+# Share of a typical value at which slopes are taken.
+STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedTerm:
+    """A learned term, fitted.
+
+    Attributes:
+        effect: as a study has it.
+        form: where it acts and over what.
+        value, sd: at its knots, in the order of the effect's `value`.
+        covariance: (K, K) of the values.
+        before, after: RMS error over the noise floor on runs left out, without and with it.
+        sure: fall of the squared error on runs left out over its standard error.
+        freedom: values that the readings decide, less than there are knots.
+        residual: (N,) reading − prediction over the scales, with all runs.
+        left_out: (N,) with each run left out of the term's fit.
+        tried: forms that were fitted.
+        drive: name of the chain's input.
+        on: what was left out: "runs left out", or blocks of a single run.
+    """
+
+    effect: EffectConfig
+    form: LearnedForm
+    value: Array
+    sd: Array
+    covariance: Array
+    before: float
+    after: float
+    sure: float
+    freedom: float
+    residual: Array
+    left_out: Array
+    tried: int
+    drive: str
+    on: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A form with its prior, to first order about no curve and about the values to which it has led.
+
+    Attributes:
+        mean: (K,) posterior mean by the last of the models.
+        left: (N,) residual of each reading with its fold left out.
+    """
+
+    form: LearnedForm
+    prior: Prior
+    models: tuple[LinearModel, ...]
+    mean: Array
+    left: Array
+
+    @property
+    def square(self) -> float:
+        """Mean square on readings left out."""
+        return _square(self.left)
+
+    @property
+    def last(self) -> LinearModel:
+        return self.models[-1]
+
+    @property
+    def gram(self) -> Array:
+        return self.last.slopes.T @ self.last.slopes
+
+
+def learn(
+    predictor: Predictor,
+    readings: ReadingVector,
+    noise: NoiseView,
+    conditions: NDArray[np.intp],
+    folds: NDArray[np.intp] | None = None,
+) -> LearnedTerm | None:
+    """The smallest learned term that these runs support; None where there is none.
+
+    Args:
+        predictor: the model, with all effects that it has.
+        readings: in units of their scales.
+        noise: as the residuals of the model, or of the best explanation, show it.
+        conditions: (N,) number of each reading's condition: repeats share one.
+        folds: (N,) what is left out together; the readings' own folds by default.
+    """
+    held = any(is_held(run.history) for run in predictor.measurement.runs)
+    if held or KIND not in predictor.bench.registry.kinds("effect"):
+        return None
+    learner = _Learner(predictor, readings, noise, conditions, readings.fold if folds is None else folds)
+    return learner.learn()
+
+
+class _Learner:
+    """One model, its readings, and how they are divided."""
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        readings: ReadingVector,
+        noise: NoiseView,
+        conditions: NDArray[np.intp],
+        folds: NDArray[np.intp],
+    ) -> None:
+        predictor = predictor.refined(predictor.steps_between_samples())
+        self.predictor, self.readings = predictor, readings
+        self.conditions, self.folds = conditions, folds
+        self.by_run = all(len(np.unique(folds[readings.run == r])) <= 1 for r in range(readings.n_runs))
+        self.config = predictor.bench.registry.get("effect", KIND).config_model()
+        self.seen = SeenMotion(predictor)
+        self.forms = self.seen.forms()
+        self.plain = _filled(readings.values - readings.pack(predictor.evaluate().runs))
+        self.n_effective = max(noise.n_effective, 2.0)
+        square = noise.floor_square
+        self.floor_square = square if np.isfinite(square) and square > 0.0 else 1e-3 * _square(self.plain)
+
+    def learn(self) -> LearnedTerm | None:
+        """See the function."""
+        fitted: list[_Fitted] = []
+        for n_covariates in (1, 2):
+            forms = [form for form in self.forms if len(form.axes) == n_covariates]
+            fitted += [one for form in forms if (one := self._linear(form)) is not None]
+            if fitted and min(one.square for one in fitted) < ENOUGH * self.floor_square:
+                break  # nothing is left for a surface to explain
+        good = sorted((one for one in fitted if self._helps(one)), key=lambda one: one.square)
+        refined = [self._refined(self._thinned(one)) for one in good[:MOST_REFINED]]
+        refined = [one for one in refined if self._helps(one)]
+        if not refined:
+            return None
+        best = min(refined, key=lambda one: one.square)
+        smallest = min(
+            (one for one in refined if self._as_good(one, best)),
+            key=lambda one: (one.form.complexity, one.prior.freedom(one.gram)),
+        )
+        return self._term(self._rescaled(smallest), len(fitted))
+
+    def _linear(self, form: LearnedForm) -> _Fitted | None:
+        """The form fitted to the residuals of the model as it is; None where it cannot act, or moves no reading."""
+        try:
+            model = self._model(form, np.zeros(int(np.prod(form.shape))))
+        except PliantError:
+            return None
+        sums = Sums.of(model.slopes, model.aim, self.folds)
+        prior = most_likely(form.axes, sums, self.n_effective, self.floor_square)
+        return None if prior is None else self._fitted(form, prior, (model,))
+
+    def _fitted(self, form: LearnedForm, prior: Prior, models: tuple[LinearModel, ...]) -> _Fitted:
+        slopes = models[-1].slopes
+        mean, _ = prior.posterior(slopes.T @ slopes, slopes.T @ models[-1].aim)
+        return _Fitted(form, prior, models, mean, left_out(prior, models, self.folds))
+
+    def _model(self, form: LearnedForm, value: Array) -> LinearModel:
+        """To first order about these values; 0 where there is no equilibrium."""
+        step = self._step(form)
+        towards = [(self._effect(form, value + step * row),) for row in np.eye(len(value))]
+        prediction, changes = self.predictor.vary((self._effect(form, value),), towards)
+        residual = _filled(self.readings.values - self.readings.pack(prediction.runs))
+        slopes = np.stack([_filled(self.readings.pack(change)) for change in changes], axis=1) / step
+        return LinearModel(value, residual, slopes)
+
+    def _step(self, form: LearnedForm) -> float:
+        """A small change of a value, in its unit."""
+        histories = [run.history for run in self.predictor.measurement.runs]
+        pushed = max((float(np.abs(v).max()) for h in histories for v in h.actuation.values()), default=0.0)
+        return STEP * (pushed or 1.0) if form.acts_on == "input" else 1e-2 * STEP
+
+    def _effect(self, form: LearnedForm, value: Array, sd: Array | None = None) -> EffectConfig:
+        return cast(EffectConfig, self.config.model_validate(form.block(value, sd)))
+
+    def _gain(self, one: Array, other: Array) -> tuple[float, float]:
+        """Fall of the summed square from the residuals `other` to `one`, and its standard error.
+
+        Of squares r² and (r − d)² the difference has, by the noise in r alone, the variance 4 σ² d², N/n_eff times that
+        in the sum where neighbours share their noise.
+        """
+        fall = float(other @ other - one @ one)
+        apart = float(np.sum((one - other) ** 2))
+        share = len(one) / self.n_effective
+        return fall, 2.0 * float(np.sqrt(self.floor_square * share * apart))
+
+    def _helps(self, one: _Fitted) -> bool:
+        """The error on runs left out falls beyond its uncertainty; that on conditions left out does not rise."""
+        fall, error = self._gain(one.left, self.plain)
+        total = _square(self.plain)
+        if not (fall > SURE * error and one.square < (1.0 - LEAST_FALL) ** 2 * total):
+            return False
+        if len(np.unique(self.conditions)) < 2:
+            return True
+        return _square(left_out(one.prior, one.models, self.conditions)) < MOST_RISE * total
+
+    def _as_good(self, one: _Fitted, best: _Fitted) -> bool:
+        """Within one standard error of the best."""
+        fall, error = self._gain(best.left, one.left)
+        return one is best or fall < error
+
+    def _thinned(self, one: _Fitted) -> _Fitted:
+        """With no more knots than its lengths need; as it was where that predicts worse."""
+        shape = tuple(
+            min(n, max(FEWEST_KNOTS, int(np.ceil(KNOTS_PER_LENGTH / length)) + 1))
+            for n, length in zip(one.form.shape, one.prior.lengths, strict=True)
+        )
+        if shape == one.form.shape:
+            return one
+        fewer = self._linear(one.form.with_knots(shape))
+        return fewer if fewer is not None and self._as_good(fewer, one) else one
+
+    def _refined(self, one: _Fitted) -> _Fitted:
+        """Gauss-Newton steps, halved where they lead too far, as long as they lower the cost."""
+        here = one.models[0]
+        start, factor = here, np.asarray(np.linalg.inv(one.prior.factor), float)
+        cost = self._cost(here, one.prior, factor)
+        for _ in range(MOST_STEPS):
+            for share in (1.0, 0.5, 0.2):
+                model = self._model(one.form, here.value + share * (one.mean - here.value))
+                now = self._cost(model, one.prior, factor)
+                if now < cost:
+                    break
+            else:
+                break
+            small = now > (1.0 - STILL) * cost
+            here, cost = model, now
+            one = self._fitted(one.form, one.prior, (start, here))
+            if small:
+                break
+        return one
+
+    def _cost(self, model: LinearModel, prior: Prior, factor: Array) -> float:
+        """−2 log posterior of the model's values."""
+        away = factor @ model.value
+        return prior.weight * float(model.residual @ model.residual) + float(away @ away)
+
+    def _rescaled(self, one: _Fitted) -> _Fitted:
+        """With other times, widths and rates of its covariates where these predict better."""
+        for k, axis in enumerate(one.form.axes):
+            if axis.name not in TUNED:
+                continue
+            for share in (0.6, 1.6):
+                for _ in range(MOST_SCALES):
+                    axes = self.seen.rescaled(one.form, k, share)
+                    other = self._linear(axes) if axes is not None else None
+                    other = None if other is None else self._refined(other)
+                    if other is None or not (other.square < one.square and self._helps(other)):
+                        break
+                    one = other
+        return one
+
+    def _term(self, one: _Fitted, tried: int) -> LearnedTerm:
+        last = one.last
+        _, covariance = one.prior.posterior(one.gram, last.slopes.T @ last.aim)
+        value, sd = _rounded(last.value, np.sqrt(np.diag(covariance)))
+        fall, error = self._gain(one.left, self.plain)
+        over = 1.0 / np.sqrt(self.floor_square)
+        return LearnedTerm(
+            effect=self._effect(one.form, value, sd),
+            form=one.form,
+            value=value,
+            sd=sd,
+            covariance=covariance,
+            before=float(np.sqrt(_square(self.plain))) * over,
+            after=float(np.sqrt(one.square)) * over,
+            sure=fall / error,
+            freedom=one.prior.freedom(one.gram),
+            residual=last.residual,
+            left_out=one.left,
+            tried=tried,
+            drive=self.predictor.chain.actuators[0].input,
+            on="runs left out" if self.by_run else "blocks left out",
+        )
+
+
+def _square(residual: Array) -> float:
+    """Mean square."""
+    return float(residual @ residual) / max(len(residual), 1)
+
+
+def _filled(values: Array) -> Array:
+    """0 where there is no equilibrium: such readings say nothing."""
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def _rounded(value: Array, sd: Array) -> tuple[Array, Array]:
+    """At a hundredth of the smallest standard deviation, or of the largest value."""
+    finest = min(float(sd.min()), float(np.abs(value).max()) or 1.0) / 30.0
+    digits = -int(np.floor(np.log10(finest)))
+    return np.round(value, digits), np.array([float(f"{x:.2g}") for x in sd])
