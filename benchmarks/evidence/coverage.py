@@ -1,6 +1,6 @@
 """How many readings of unseen runs lie within their 90 % band, and how close the normal approximation is to a sampler.
 
-    OMP_NUM_THREADS=1 python -m benchmarks.evidence.coverage [--count 50] [--sampled 3]
+    OMP_NUM_THREADS=1 python -m benchmarks.evidence.coverage [--count 50] [--sampled 2]
 
 Sets of the calibration split, each with one hidden effect whose form is not the fitted one: runs are put aside as by
 `pliant improve`, the right effect is fitted to the others, and the band is asked on the runs put aside. Prints, and
@@ -30,14 +30,14 @@ from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
 
 LEAST, MOST = 0.85, 0.95
-STEPS = 600  # of the sampler's walkers
+STEPS = 300  # of the sampler's walkers
 MOST_PARAMETERS = 3  # of a sampled fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=50, help="sets, kinds in turn")
-    parser.add_argument("--sampled", type=int, default=3, help="sets that are sampled, too")
+    parser.add_argument("--sampled", type=int, default=2, help="sets that are sampled, too")
     given = parser.parse_args(arguments)
     rows: list[dict[str, Any]] = []
     for task in tasks_of("effect", given.count, "calibration"):
@@ -80,7 +80,7 @@ def covered(spec: SetSpec, sampled: bool = False) -> dict[str, Any]:
         measurement = api.read_measurement(opened, [Path(folder) / "bench.csv"])
         split = lock(measurement)
         ground = Ground.of(opened.bench, opened.study, split.training)
-        found = extend(ground, opened.study.effects, made.label["kinds"])
+        found = extend(ground, opened.study.effects, made.label["kinds"], profiles=sampled)
     band = bands(ground.predictor, found.posterior, found.scatter)
 
     def held(runs: Sequence[int]) -> float | None:

@@ -20,6 +20,8 @@ TYPICAL_SNR = 2.0
 # about normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); so much lets 19 of 20 samples
 # reach the odds of 9 : 1, halved by the temperature, that a verdict needs.
 SEPARABLE = 28.0
+# Directions of an effect that are weaker than this share of its strongest are none.
+SMALLEST = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,17 +121,15 @@ def confounded_with(
     b imitates a by its change and its slopes, at the plausible strength and where it was fitted: the least
     squares residual of a's change on these is what remains to tell them apart.
     """
+    excited = [one for one in found.values() if one.snr > 0.0]
     pairs = []
-    for a in found.values():
-        if a.snr <= 0.0:
-            continue
-        for b in found.values():
-            if a.kind == b.kind or b.snr <= 0.0:
-                continue
-            share = _unexplained(a, b, fits.get((b.kind,)))
+    for b in excited:
+        others = [a for a in excited if a.kind != b.kind]
+        for a, share in zip(others, _unexplained(others, b, fits.get((b.kind,))), strict=True):
             if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
                 pairs.append(ConfoundedPair(a.kind, b.kind, share))
-    return tuple(sorted(pairs, key=lambda pair: pair.unexplained_share))
+    place = {kind: k for k, kind in enumerate(found)}
+    return tuple(sorted(pairs, key=lambda pair: (pair.unexplained_share, place[pair.a])))
 
 
 def detectable(
@@ -170,13 +170,18 @@ def _ends(candidate: EffectSet) -> list[Array]:
     return points
 
 
-def _unexplained(a: Excitation, b: Excitation, fitted: EffectFit | None) -> float:
+def _unexplained(others: Sequence[Excitation], b: Excitation, fitted: EffectFit | None) -> list[float]:
+    """Share of each other one's squared change that b's directions leave, from their orthonormal basis."""
     basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
-    there = np.all(np.isfinite(basis), axis=1) & np.isfinite(a.change)
-    basis, target = basis[there], a.change[there]
-    basis = basis[:, np.abs(basis).max(axis=0) > 0.0]
-    if basis.shape[1] == 0:
-        return 1.0
-    weights = np.linalg.lstsq(basis, target, rcond=1e-8)[0]
-    rest = target - basis @ weights
-    return float(np.clip(rest @ rest / (target @ target), 0.0, 1.0))
+    there = np.all(np.isfinite(basis), axis=1)
+    upright, triangle = np.linalg.qr(
+        basis[there]
+    )  # cheaper for many readings than the next step on all of them
+    turned, size, _ = np.linalg.svd(triangle)
+    directions = upright @ turned[:, size > SMALLEST * size.max(initial=0.0)]
+    shares = []
+    for a in others:
+        target = a.change[there]
+        rest = target - directions @ (directions.T @ target)
+        shares.append(float(np.clip(rest @ rest / (target @ target), 0.0, 1.0)))
+    return shares

@@ -195,7 +195,7 @@ class Predictor:
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
         if any(map(is_held, driven)):
             return self._held(model, driven, parts)
-        reached = _reached(model, driven, parts)
+        reached = _reached(model, _fine(driven, parts))
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached, parts), failed)
@@ -229,14 +229,15 @@ class Predictor:
             kept = self._held(model, self._histories, parts)
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
             return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
-        driven = tuple(_reached(model, self._histories, parts))
+        fine = _fine(self._histories, parts)
+        driven = tuple(_reached(model, fine))
         if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
             paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
             base = self._read(model, paths, driven, parts)
             failed = int(sum((~path.converged).sum() for path in paths))
             seen = (self._read(other, paths, driven, parts) for other in others)
             return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
-        variations = [Variation(m.chain, tuple(_reached(m, self._histories, parts))) for m in others]
+        variations = [Variation(m.chain, tuple(_reached(m, fine))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)
         differences = []
@@ -368,9 +369,14 @@ def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> t
     return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
 
 
-def _reached(model: Model, histories: Sequence[History], parts: int) -> list[History]:
-    """What reaches the chain, at every step; closed valves first, for they hold what a sample commanded."""
-    return [model.commanded(h if parts == 1 else held(h).refined(parts)) for h in histories]
+def _fine(histories: Sequence[History], parts: int) -> Sequence[History]:
+    """At every step; closed valves first, for they hold what a sample commanded."""
+    return histories if parts == 1 else [held(history).refined(parts) for history in histories]
+
+
+def _reached(model: Model, histories: Sequence[History]) -> list[History]:
+    """What reaches the chain."""
+    return [model.commanded(history) for history in histories]
 
 
 def _fitting_parts(model: Model, parts: int) -> int:
