@@ -9,7 +9,7 @@ from pliant.testing import BoundCheck, Subject, check_component, checks_for
 from pliant_plugins.manifest import pliant_components
 
 SHIPPED = pliant_components()
-# Kinds whose whole suite is fast enough, of interfaces with slow ones; small stand-ins of test_suite.py pass every suite.
+# Kinds whose whole suite is fast, of interfaces with slow ones; the stand-ins of test_suite.py pass every suite.
 AT_ONCE = {
     "effect": ("actuation_gain", "sensor_bias", "base_misalignment"),
     "fem": (),
