@@ -8,7 +8,6 @@ which a busy machine does not stretch much, and the smallest of each is kept.
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -131,10 +130,10 @@ def made(mistake: Mistake, folder: Path, environment: Mapping[str, str]) -> tupl
 def cpu_seconds(
     command: tuple[str, ...], folder: Path, environment: Mapping[str, str]
 ) -> tuple[float, subprocess.CompletedProcess[str]]:
-    """CPU time of a child process, user and system, and what became of it."""
+    """CPU time of a child process, user and system, and what became of it; the environment is all that it has."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
-        command, cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, check=False
+        command, cwd=folder, env=dict(environment), capture_output=True, text=True, check=False
     )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, done

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -28,9 +29,11 @@ from pliant.config.study import Study, nested_model, written_name
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
 from pliant.registry.discovery import Registry, discover
+from pliant.tabular.names import WORDS
 from pliant.units import si_unit
 
 REFERENCE = Path(__file__).parent / "reference"
+MEASUREMENT_FILES = Path(__file__).parent / "measurement_files.md"
 OURS = "pliant "  # packages whose pages live here; others bring their own docs
 STUDY_KEY = {"effect": "effects"}
 # Folders that hold one file per kind; elsewhere a kind has a folder of its own.
@@ -104,7 +107,18 @@ def pages(registry: Registry) -> dict[Path, str]:
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
             made[REFERENCE / interface / f"{component.kind}.md"] = _kind_page(component)
+    made[MEASUREMENT_FILES] = _with_words(MEASUREMENT_FILES.read_text(encoding="utf-8"))
     return made
+
+
+def _with_words(page: str) -> str:
+    """The page on measurement files with the words that the reader knows, between its marks."""
+    rows = ["| column | words |", "|---|---|"]
+    for name, words in WORDS.items():
+        told = [word.replace("#", "1").replace("@", "x") for word in words]
+        rows.append(f"| `{name.replace('#', '1').replace('@', 'x')}` | {', '.join(told)} |")
+    begin, end = "<!-- words: docs/generate.py -->\n", "\n<!-- end -->"
+    return re.sub(f"({begin}).*?({end})", lambda m: m[1] + "\n".join(rows) + m[2], page, flags=re.DOTALL)
 
 
 def _ours(registry: Registry, interface: str) -> list[Component]:

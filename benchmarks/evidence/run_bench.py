@@ -38,6 +38,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 os.environ["NUMBA_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+import numpy as np
 from benchmarks.evidence import diagnosers, ledger, seal
 from benchmarks.evidence.judge import ERROR, summary
 from benchmarks.evidence.protocols import NAMES
@@ -165,6 +166,15 @@ class Job:
         return proposed.get("name") or None
 
 
+@contextlib.contextmanager
+def unmade(bench: Bench, name: str) -> Iterator[None]:
+    """A truth that its engine cannot follow is no question: it is noted, and counted as not made."""
+    try:
+        yield
+    except (RuntimeError, np.linalg.LinAlgError) as error:
+        append(bench.results, {"id": name, "unmade": f"{error}"})
+
+
 def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     """All tasks of the plan that have no result yet: sets are made here, where the key is, and asked about elsewhere.
 
@@ -174,7 +184,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     """
     key, code = bench.key(), ledger.code_digest()
     found = read(bench.results)
-    others = sum(line.get("code") != code for line in found.values())
+    others = sum(line.get("code", code) != code for line in found.values())
     if others:
         print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
     done = {name for name, line in found.items() if "error" not in line}
@@ -194,16 +204,18 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
         while waiting or asking.waiting:
             while waiting and asking.waiting < bench.workers + AHEAD:
                 job = waiting.pop(0)
-                make(job.task, job.name, bench.sets, key)
-                put(job)
+                with unmade(bench, job.name):
+                    make(job.task, job.name, bench.sets, key)
+                    put(job)
             for one in asking.completed():
                 job = asked.pop(one.item.name)
                 line = one.result or {"id": job.name, "error": f"{one.failure}", "wall_s": 0.0, "cpu_s": 0.0}
                 if more := job.next_run(line):
                     job.before.append(line)
                     chosen = [ANY] * (len(job.runs) + 1) if more == ANY else [*job.runs, more]
-                    job.runs = add_runs(job.task, job.name, bench.sets, chosen)
-                    put(job)
+                    with unmade(bench, job.name):
+                        job.runs = add_runs(job.task, job.name, bench.sets, chosen)
+                        put(job)
                     continue
                 if job.before:  # the runs that led to the last answer, and the answer before them
                     spent = {key: sum(one[key] for one in (line, *job.before)) for key in ("wall_s", "cpu_s")}
@@ -217,7 +229,7 @@ def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
     """The plan's results beside their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
     named = ((task, task.secret_id(key)) for task in plan.tasks())
-    there = [(task, name) for task, name in named if name in lines]
+    there = [(task, name) for task, name in named if name in lines and "unmade" not in lines[name]]
     return [ledger.compact(t.group, t.mode, bench.label(name, key), lines[name]) for t, name in there]
 
 
@@ -240,8 +252,10 @@ def in_the_ledger(
         yield
     finally:
         found = answers(bench, plan)
-        finished = len(found) == len(plan.tasks()) and not any("error" in one for one in found)
-        ended = {"run": began["run"], "ended": ledger.now(), "done": len(found), "finished": finished}
+        missing = sum("unmade" in line for line in bench.lines().values())
+        finished = len(found) + missing == len(plan.tasks()) and not any("error" in one for one in found)
+        ended = {"run": began["run"], "ended": ledger.now(), "done": len(found), "unmade": missing}
+        ended["finished"] = finished
         if found:
             ledger.write_answers({**began, **ended}, found, kept)
             ended["figures"] = ledger.headline(summary(ledger.judged(found)))

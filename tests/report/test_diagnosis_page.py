@@ -35,7 +35,7 @@ from pliant.report.diagnosis_tables import (
     parameter_texts,
 )
 from pliant.report.evidence_view import Diagnosed
-from pliant.report.fitted import value_text
+from pliant.report.fitted import most_probable, value_text
 from pliant.report.render import page as rendered
 
 FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
@@ -254,3 +254,12 @@ def test_what_to_do_is_about_what_is_left_to_gain(verdict, ratio, says):
     measurement, found = made(verdict)
     left = replace(found, judgement=replace(found.judgement, as_it_is=Excess(ratio, 0.02)))
     assert diagnosis_document("f", measurement, left, REGISTRY).points[-1].startswith(says)
+
+
+def test_the_terminal_says_which_explanations_its_table_has_and_orders_them():
+    probability = {(f"effect_{k}",): 0.1 - 0.01 * k for k in range(9)} | {NOTHING: 0.001, UNKNOWN: 0.0}
+    shuffled = dict(sorted(probability.items(), key=lambda item: str(item[0])[::-1]))
+    rows, words = most_probable(shuffled, 6)
+    assert rows == [*((f"effect_{k}",) for k in range(6)), NOTHING]
+    assert words.startswith("The 6 most probable of 11 explanations") and "the model as it is" in words
+    assert most_probable({NOTHING: 0.2, UNKNOWN: 0.8}, 6)[0] == [UNKNOWN, NOTHING]

@@ -511,6 +511,23 @@ def test_a_sealed_run_stands_in_the_ledger_whatever_becomes_of_it(
     assert ["stopped" in rows[2], "killed" in rows[3], "100.0 %" in rows[4]] == [True] * 3
 
 
+def test_a_truth_that_cannot_be_followed_ends_no_bench_and_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: Any) -> None:
+        raise RuntimeError("run 'holds' of the truth did not converge")
+
+    monkeypatch.setattr(run_bench, "make", fails)
+    monkeypatch.setattr(run_bench, "ProcessExecutor", lambda workers: InlineExecutor())
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    bench, path = Bench(tmp_path / "evidence", "sealed-abc"), tmp_path / "ledger.jsonl"
+    with run_bench.in_the_ledger(bench, THREE, path, tmp_path / "answers.gz"):
+        run_bench.run(bench, THREE)
+    (one,) = ledger.entries(path)
+    assert (one["done"], one["unmade"], one["finished"]) == (0, 3, True)
+    assert all("holds" in line["unmade"] for line in bench.lines().values())
+
+
 def test_judged_sets_are_drawn_from_the_code_that_is_judged(tmp_path: Path) -> None:
     for name in ledger.CODE:
         part = tmp_path / name

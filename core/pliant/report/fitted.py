@@ -18,7 +18,6 @@ from pliant.report.document import Column, Table, Warned, as_json, brief_table, 
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
-NEXT_TO_NOTHING = 1e-3  # of probability: not worth a row
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
 
@@ -145,19 +144,17 @@ def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[K
 
     Args:
         probability: of every explanation.
-        most: rows; the model as it is stands among them in any case, and what holds next to nothing does not.
+        most: rows; the model as it is stands below them in any case.
     """
     every = sorted(probability, key=lambda kinds: -probability[kinds])
-    likely = [kinds for kinds in every[:most] if probability[kinds] >= NEXT_TO_NOTHING]
+    likely = every[:most]
     shown = [kinds for kinds in every if kinds in likely or kinds == NOTHING]
     rest = sum(probability[kinds] for kinds in every if kinds not in shown)
     if len(shown) == len(every):
         return shown, f"All {len(every)} explanations, the most probable first."
+    also = "" if NOTHING in likely or NOTHING not in shown else ", and the model as it is"
     return shown, (
-        f"The {len(shown)} most probable of {len(every)} explanations; the others, in the report, hold "
-        f"{whole_percent(rest)} together."
-        if NOTHING in likely or NOTHING not in shown
-        else f"The most probable of {len(every)} explanations, and the model as it is; the others, in the report, hold "
+        f"The {len(likely)} most probable of {len(every)} explanations, by probability{also}; the others hold "
         f"{whole_percent(rest)} together."
     )
 
