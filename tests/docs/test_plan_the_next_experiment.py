@@ -25,6 +25,7 @@ def test_after_data_it_chooses_the_runs_of_the_page(workplace) -> None:
         assert there.startswith(line.split("…")[0])
 
 
+@pytest.mark.slow
 def test_the_runs_that_were_done_decide(workplace, monkeypatch) -> None:
     monkeypatch.chdir(workplace / "examples/next_experiment")
     (verdict,) = re.findall(r"^Missing: .*$", CONSOLE[1], re.M)

@@ -32,6 +32,7 @@ def one() -> StructureSolver:
     return body(1)
 
 
+@pytest.mark.slow
 def test_energy_is_the_work_of_pressure_and_force(one: StructureSolver) -> None:
     """Along a straight way in (p, F) dE = p dV + F·du; Gauss–Legendre in the load needs V and u there."""
     pressure, force = 400.0, np.array([4e-3, 0.0, -6e-3])

@@ -25,6 +25,7 @@ def bent(kind: str, **keys: Any) -> FemState:
     return state
 
 
+@pytest.mark.slow
 def test_a_module_of_equal_solids_bends_alike() -> None:
     mooney, pair = bent("mooney_rivlin", c10=90e3, c01=30e3), bent("ogden", mu=[180e3, 60e3], alpha=[2, -2])
     assert mooney.angle_rad > 0.05

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.slow import slow_among
 from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
@@ -36,6 +37,7 @@ def _newest(folder: Path) -> dict:
     return next(m for m in manifests if m["key"] != next((EARLIER / "store" / "fem").iterdir()).name)
 
 
+@pytest.mark.slow
 def test_fem_data_are_adopted_and_give_the_same_run(earlier: Path) -> None:
     before = json.loads((EARLIER / "run" / "run.json").read_text())["summary"]
     after = _json(earlier, "run", str(earlier / "finger.yaml"), "--out", str(earlier / "again"))
@@ -71,12 +73,13 @@ def test_data_that_today_s_code_does_not_give_are_solved_anew(tmp_path: Path, mo
         _json(earlier, "fem", str(earlier / "finger.yaml"), "--out", str(earlier / "fem"))
 
 
+@pytest.mark.slow
 def test_the_run_folder_gives_its_report(earlier: Path) -> None:
     _json(earlier, "report", str(earlier / "run"))
     assert (earlier / "run" / "report.html").stat().st_size > 100_000
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("study", slow_among(STUDIES, "finger.yaml"))
 def test_studies_are_fitted_and_compared(earlier: Path, study: str) -> None:
     before = json.loads((EARLIER / "run" / "run.json").read_text())["summary"]
     fitted = _json(earlier, "fit", str(earlier / study), "--out", str(earlier / "fit"))

@@ -140,6 +140,7 @@ def render_stored(bench, run):
     stored_run_page(bench, run, read).render(run_document(read))
 
 
+@pytest.mark.slow
 def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_of, folder, tmp_path):
     class Notes(Silent):
         def note(self, text):

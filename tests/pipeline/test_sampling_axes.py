@@ -60,6 +60,7 @@ def test_a_symmetric_module_is_recognised_and_copied_to_the_other_side(tmp_path)
         np.testing.assert_allclose(module.dtau_du[row], K, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_module_without_mirror_planes_is_sampled_on_both_sides(tmp_path):
     sampling, _ = run(tmp_path, helix(one_sided=0.5), lateral_states=12)
     assert "z" not in sampling.mirrored
@@ -70,6 +71,7 @@ def test_a_module_without_mirror_planes_is_sampled_on_both_sides(tmp_path):
     assert np.sum(angles > 0) >= 2
 
 
+@pytest.mark.slow
 def test_slopes_of_a_lateral_axis_follow_the_free_main_axis(tmp_path):
     sampling, full = run(tmp_path, helix())
     law = data(sampling).axis("z")
@@ -100,6 +102,7 @@ def test_coupling_states_hold_everything_and_the_coupling_is_recorded(tmp_path):
     assert record["largest"] == pytest.approx(abs(K[i, j]) / np.sqrt(K[i, i] * K[j, j]))
 
 
+@pytest.mark.slow
 def test_rows_of_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
     sampling, full = run(tmp_path, helix())
     module = data(sampling)
@@ -113,6 +116,7 @@ def test_rows_of_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
     assert module.explored_axes() == ("y", "x", "z")
 
 
+@pytest.mark.slow
 def test_an_interrupted_sampling_of_several_axes_solves_nothing_twice(tmp_path):
     whole, _, _ = full_and_main(helix(), tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
