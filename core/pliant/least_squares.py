@@ -87,7 +87,8 @@ def descend(
         slopes = point.slopes
         assert slopes is not None
         weighted = slopes if weights is None else slopes * weights[:, None]
-        normal, gradient = weighted.T @ slopes, weighted.T @ point.residual
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal, gradient = weighted.T @ slopes, weighted.T @ point.residual
         if pulls is not None:
             normal, gradient = normal + np.diag(pulls), gradient - pulls * point.x
         for _ in range(steps.tries):
@@ -122,11 +123,16 @@ def descend(
 
 
 def _free_step(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array | None:
-    """The damped step among x that are not held by a bound that they push against; None where it is singular."""
+    """The damped step among x that are not held by a bound that they push against; None where there is no number.
+
+    A model that runs away has slopes whose squares overflow.
+    """
+    if not (np.isfinite(normal).all() and np.isfinite(gradient).all()):
+        return None
     free = ~(((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0)))
     step = np.zeros_like(x)
     try:
         step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
     except np.linalg.LinAlgError:
         return None
-    return step
+    return step if np.isfinite(step).all() else None

@@ -30,7 +30,7 @@ from pliant.evidence.places import residuals_of
 from pliant.measurements.repeats import repeat_groups
 from pliant.mechanics.learned_curve import basis
 from pliant.report.figures.learned import learned as drawn
-from pliant.report.improvement import improvement_json
+from pliant.report.improvement import improvement_json, summary
 from pliant.report.learned import learned_json, learned_section
 
 KNOTS = np.linspace(0.0, PRESSURE, 25)
@@ -137,7 +137,9 @@ def test_improve_takes_it_as_its_last_step_and_scores_it_on_runs_put_aside(impro
     assert last.added == ("learned",) and last.named == "a learned term" and found.learned is last.learned
     assert last.locked.over_floor < 0.6 * found.steps[-2].locked.over_floor
     assert last.locked.over_floor < 1.3
-    assert "a description and no cause" in found.reason
+    assert "a description and no cause" in last.why and last.cause == "learned"
+    assert "a learned term over pressure" in found.reason and "--learned" not in found.reason
+    assert "stand" not in summary(found)  # for nothing: it describes
     told = improvement_json(found, measurement)
     assert told["learned"]["rmse_over_floor"]["with"] < told["learned"]["rmse_over_floor"]["without"]
 

@@ -46,8 +46,8 @@ CHOSEN: tuple[Mutant, ...] = (
     _at(
         "effects",
         f"{EFFECTS}/viscous_damping.py",
-        "return -c[0] * rate",
-        "return c[0] * rate",
+        "return -c[0] * rate\n",
+        "return c[0] * rate\n",
     ),
     _at("effects", f"{EFFECTS}/viscoelastic.py", "-math.expm1(-steps) / steps", "math.exp(-steps)"),
     _at(

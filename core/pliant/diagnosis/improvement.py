@@ -27,7 +27,7 @@ from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
 from pliant.diagnosis.learned_term import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
-from pliant.diagnosis.learned_words import described
+from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
@@ -81,7 +81,7 @@ CLOSINGS = {
 
 
 # How a step came about: see `Step`.
-Cause = Literal["", "named", "class", "open"]
+Cause = Literal["", "named", "class", "open", "learned"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,8 @@ class Step:
         training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
         stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
             which; empty where the verdict was the effect itself.
-        cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is; empty
-            for the model as it was.
+        cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is;
+            `learned`: it describes what is left; empty for the model as it was.
         learned: the learned term of this step; None for effects.
     """
 
@@ -333,7 +333,7 @@ class _Walk:
         )
         why = f"{described(found)[:1].upper() + described(found)[1:]} {fall}"
         left = readings.unpack(found.left_out)
-        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, learned=found))
+        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="learned", learned=found))
 
     def _predictor(self) -> Predictor:
         """The model as it is, driven by the training runs."""
@@ -434,7 +434,7 @@ class _Walk:
         listed_last = steps[-2] if last.learned is not None else steps[-1]
         reason = self._closing(stop, reason, listed_last, noise)
         if last.learned is not None:
-            reason += f" The last step is a learned term: {described(last.learned)}"
+            reason += f" The last step is a learned term over {depends_on(last.learned)}: it describes what is left."
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [
             *self.measurement.remarks,
@@ -490,6 +490,8 @@ class _Walk:
             first = found.judgement.sentence
         if stop == "nothing_missing":
             return first
+        if self.drafts[-1].learned is not None:
+            found = replace(found, learned=None)  # it is in the model: nothing to offer
         of_verdict = stop != "unknown_effect"  # said by the closing with the error that is left at the end
         return " ".join([first, *explanation(found, self.bench.registry, of_verdict)])
 

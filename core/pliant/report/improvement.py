@@ -130,7 +130,7 @@ def summary(found: Improvement) -> str:
 
 def causes(found: Improvement) -> str:
     """Which of the steps a verdict names as the cause, where any is open."""
-    steps = [step for step in found.steps if step.added]
+    steps = [step for step in found.steps if step.added and step.learned is None]
     named = [kind for step in steps if step.cause == "named" for kind in step.added]
     unnamed = [kind for step in steps if step.cause != "named" for kind in step.added]
     if not unnamed:
