@@ -16,7 +16,6 @@ nobody knows how long they last, keep what they had. Tendon forces are left alon
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Literal
 
@@ -27,9 +26,6 @@ from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
 from pliant_plugins.effects.pressures import full_scale, needs_pressure
-
-# Below this share of the law's largest pressure a power law is smooth.
-SMALL_SHARE = 1e-3
 
 
 class LeakConfig(EffectConfig):
@@ -87,18 +83,9 @@ def _leaking(config: LeakConfig, full: float, history: History) -> History:
 
 
 def _lacking(pressure: Array, valve: Array, steps: Array, config: LeakConfig, full: float) -> Array:
-    """d at the samples; plain floats, for a recurrence cannot be vectorised."""
-    filling_time, bent = config.filling_time_s, config.power != 1.0 and math.isfinite(full)
-    rate = config.rate_1_s
-    lacking = [rate * filling_time / (1.0 + rate * filling_time) * float(pressure[0])]
-    for k, step in enumerate(steps.tolist(), start=1):
-        start, end = float(pressure[k - 1]), float(pressure[k])
-        slope = (end - start) / step
-        if bent:  # the rate at the pressure that is there when the step begins
-            there = max(abs(start - lacking[-1]) / full, SMALL_SHARE)
-            rate = config.rate_1_s * there ** (config.power - 1.0)
-        total = rate + (1.0 / filling_time if valve[k] != 0.0 else 0.0)
-        share = rate / total
-        settling = lacking[-1] - share * (start - slope / total)
-        lacking.append(share * (end - slope / total) + settling * math.exp(-total * step))
-    return np.array(lacking)
+    """d at the samples."""
+    from pliant_plugins.effects.recurrences import lacking
+
+    series = (np.ascontiguousarray(values, float) for values in (pressure, valve, steps))
+    found: Array = lacking(*series, config.rate_1_s, config.filling_time_s, config.power, full)
+    return found

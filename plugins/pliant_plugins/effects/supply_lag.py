@@ -33,7 +33,7 @@ from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, p
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.lag import accumulated, distances_of, lagged
+from pliant_plugins.effects.lag import distances_of, lagged
 from pliant_plugins.effects.pressures import full_scale
 
 
@@ -164,19 +164,19 @@ def lagged_twice(
     The second stage is linear: where y passes u within a step, that instant is put between the samples (d = 0
     there), and every piece has one T. Where nothing flows both stages stand still.
     """
-    distances, met = distances_of(values, time_s, times_s[0], flows, times_s[1])
-    inputs, clock, first = values, time_s, np.array(distances)
+    from pliant_plugins.effects.recurrences import accumulated
+
+    first, steps, since = distances_of(values, time_s, times_s[0], flows, times_s[1])
+    inputs, clock = values, time_s
     running = np.ones(len(values) - 1, bool) if flows is None else flows
-    steps = np.array([k for k, _ in met], int)
-    if met:
-        since = np.array([reached for _, reached in met])
+    if len(steps):
         at = time_s[steps] + since
         there = values[steps] + np.diff(values)[steps] * since / np.diff(time_s)[steps]
         inputs, clock, first = (
             np.insert(whole, steps + 1, new) for whole, new in ((values, there), (time_s, at), (first, 0.0))
         )
         running = np.insert(running, steps + 1, True)
-    late: Array = inputs + np.array(accumulated(*_shares(inputs, clock, first, running, times_s, second_s)))
+    late: Array = inputs + accumulated(*_shares(inputs, clock, first, running, times_s, second_s))
     return np.delete(late, steps + 1 + np.arange(len(steps)))
 
 
@@ -187,7 +187,7 @@ def _shares(
     running: NDArray[np.bool_],
     times_s: tuple[float, float],
     second_s: float,
-) -> tuple[list[float], list[float]]:
+) -> tuple[Array, Array]:
     """What each piece leaves of w, and what it adds to it."""
     change, steps, before = np.diff(inputs), np.diff(clock), first[:-1]
     above = (before > 0.0) | ((before == 0.0) & (change < 0.0))
@@ -197,7 +197,7 @@ def _shares(
     mixed = np.exp(-np.minimum(one, two)) * _mean(apart)
     ratio = one_s / second_s
     more = two * mixed * before + change * (ratio * mixed - (1.0 + ratio) * _mean(two))
-    return np.where(running, np.exp(-two), 1.0).tolist(), np.where(running, more, -change).tolist()
+    return np.where(running, np.exp(-two), 1.0), np.where(running, more, -change)
 
 
 def _mean(x: Array) -> Array:
