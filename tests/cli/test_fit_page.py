@@ -64,6 +64,7 @@ def test_a_folder_that_cannot_be_written_is_refused_first(pliant, write, workpla
     pliant("fit", write(STUDY), "--out", "file/page").refused("cannot be written")
 
 
+@pytest.mark.slow
 def test_a_meta_models_page_with_what_to_solve_next(pliant, read, workplace):
     bench.unseen(workplace)
     pliant("fit", "unseen.yaml", "--next", "2", "--out", "page", "--no-learning", "--json", "fit.json").done()

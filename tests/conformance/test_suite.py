@@ -24,6 +24,19 @@ from pliant.testing import (
 )
 
 CASES = [(interface, case) for interface in broken.SUITES for case in broken.of(interface)]
+# Checks that solve or fit for half a second; others of their suites do so in the fast tests.
+COSTLY = {
+    *(
+        ("fem", name)
+        for name in ("states_have_all_axes", "tendon_works_on_its_travel", "scales_with_the_module")
+    ),
+    ("fem", "small_extensions_follow_rod_theory"),
+    *(("meta_model", name) for name in ("laws_are_of_the_joint", "joints_do_not_affect_each_other")),
+    *(
+        ("meta_model", name)
+        for name in ("laws_create_no_energy", "slopes_are_derivatives", "predicts_three_axes")
+    ),
+}
 # Checks that their broken plugin fails by an exception of its own.
 RAISING = {
     "answers_before_all_is_told",
@@ -47,7 +60,15 @@ def test_good_plugin_passes(check: BoundCheck) -> None:
     check()
 
 
-@pytest.mark.parametrize(("suite", "case"), CASES, ids=[f"{i}-{case.check}" for i, case in CASES])
+@pytest.mark.parametrize(
+    ("suite", "case"),
+    [
+        pytest.param(
+            i, case, id=f"{i}-{case.check}", marks=[pytest.mark.slow] if (i, case.check) in COSTLY else []
+        )
+        for i, case in CASES
+    ],
+)
 def test_broken_plugin_fails(suite: str, case: broken.Broken) -> None:
     check = {c.name: c for c in checks_for(case.component.interface)}[case.check]
     with pytest.raises(CheckFailure) as failure:

@@ -51,6 +51,7 @@ class SolvedAnewError(Exception):
     """Stands for the minutes that it takes."""
 
 
+@pytest.mark.slow
 def test_data_that_today_s_code_does_not_give_are_solved_anew(tmp_path: Path, monkeypatch) -> None:
     earlier = Path(shutil.copytree(EARLIER, tmp_path / "earlier"))
     (folder,) = (earlier / "store" / "fem").iterdir()

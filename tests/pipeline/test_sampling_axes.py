@@ -88,6 +88,7 @@ def test_slopes_of_a_lateral_axis_follow_the_free_main_axis(tmp_path):
         assert law.dmoment_dp[row] == pytest.approx((tau(h, 0) - tau(-h, 0)) / (2 * h), rel=1e-5, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_coupling_states_hold_everything_and_the_coupling_is_recorded(tmp_path):
     sampling, full = run(tmp_path, helix(), coupling_states=6)
     module = data(sampling)

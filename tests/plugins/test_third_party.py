@@ -66,6 +66,7 @@ def test_conformance_by_command(environment: Any) -> None:
     assert result["passed"] > 20
 
 
+@pytest.mark.slow
 def test_study_runs_with_the_third_party_family(environment: Any, tmp_path: Path) -> None:
     study = EXAMPLES / "eccentric_tube.yaml"
     done = environment.run(

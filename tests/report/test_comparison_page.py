@@ -29,6 +29,7 @@ def test_the_page_shows_runs_places_loops_and_a_map():
     assert made.html == again.html
 
 
+@pytest.mark.slow
 def test_a_chain_has_pictures_of_two_outputs():
     made = page_of(*bench(0, n_joints=3, settings=[(5e3, 0.0)], dt=0.4))
     assert set(made.pictures) == {"runs", "runs_2", "where_1", "where_2", "loops_1", "loops_2", "map"}
@@ -53,6 +54,7 @@ def a_silent_run():
     return replace(measurement, runs=(silent, *measurement.runs[1:])), predicted
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("case", [one_sample, without_time, a_silent_run])
 def test_awkward_measurements_have_a_page(case):

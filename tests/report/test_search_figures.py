@@ -111,6 +111,7 @@ def test_successes_are_counted_by_the_checks_own_trials() -> None:
     assert read(replace(checked, verification=replace(own, conditions=odd))).success_counts() == {}
 
 
+@pytest.mark.slow
 def test_figures_exist_for_what_the_record_has() -> None:
     plain, nothing = read(samples.one_branch(40)), read(samples.everything_failed())
     for make in (branch_strip, search_front, search_policy, search_robust, search_verified, search_successes):

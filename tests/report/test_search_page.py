@@ -59,7 +59,7 @@ def page(name: str) -> Page:
     return render.page(search_document(samples.STUDY, MAKERS[name][0](), drawn))
 
 
-@pytest.mark.parametrize("name", slow_among(MAKERS, *(set(MAKERS) - {"one", "two"})))
+@pytest.mark.parametrize("name", slow_among(MAKERS, *(set(MAKERS) - {"two", "failed"})))
 def test_every_search_has_its_page(name: str) -> None:
     made = page(name)
     text = re.sub(r"\s+", " ", check_sound(made)).lower()
