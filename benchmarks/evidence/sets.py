@@ -40,6 +40,8 @@ SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
 SCALING_TOLERANCE, SCALING_ROUNDS = 0.02, 12
+# Of a strength at which the truth has no equilibrium: the largest that is tried next.
+LESS = 0.8
 
 
 @dataclass(frozen=True)
@@ -218,13 +220,24 @@ def _scaled(
 ) -> Scaled:
     """At the strength at which the signal is the target, or at the largest sensible one below it.
 
-    The signal grows about as a power of the strength: secants of their logarithms.
+    The signal grows about as a power of the strength: secants of their logarithms. Where the truth has no equilibrium
+    at a strength, that is beyond the largest sensible one.
+
+    Raises:
+        RuntimeError: the truth has no equilibrium at any strength that was tried.
     """
     strength, power = min(guess, largest), 1.0
     before: tuple[float, float] | None = None
+    found: tuple[float, Outputs, float] | None = None
     for _ in range(SCALING_ROUNDS):
-        hidden = outputs(strength)
+        try:
+            hidden = outputs(strength)
+        except RuntimeError:
+            largest = LESS * strength
+            strength = largest if before is None else min(largest, 0.5 * (strength + before[0]))
+            continue
         reached = signal(clean, hidden, sigma)
+        found = strength, hidden, reached
         met = abs(reached - target) <= SCALING_TOLERANCE * target
         if met or reached == 0 or (reached < target and strength >= largest):
             break
@@ -232,7 +245,9 @@ def _scaled(
             power = math.log(reached / before[1]) / math.log(strength / before[0])
         before = (strength, reached)
         strength = min(strength * (target / reached) ** (1 / min(max(power, 0.3), 3.0)), largest)
-    return Scaled(strength, hidden, reached)
+    if found is None:
+        raise RuntimeError("the truth has no equilibrium at any strength that was tried")
+    return Scaled(*found)
 
 
 def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:

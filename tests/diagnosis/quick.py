@@ -151,7 +151,9 @@ def measured(
     outputs: Sequence[str] = ("angle_rad",),
 ) -> Measurement:
     """What a bench with these effects reads, coloured noise and offsets between runs added."""
-    truth = predictor_of(chain, blank(histories, outputs)).predict(effects)
+    model = predictor_of(chain, blank(histories, outputs))
+    close = dict.fromkeys(outputs, 0.05 * sigma) if sigma > 0.0 else None
+    truth = model.refined(model.steps_between_samples(effects, close=close)).evaluate(effects).runs
     rng = np.random.default_rng(seed)
     noisy = [
         {
