@@ -24,7 +24,7 @@ PYTEST := $(BIN)/python -m tests.compile_first && $(BIN)/python -m pytest -n 2 -
 test: $(VENV)/.dev  ## the fast suite: every room and every guarantee has a test in it
 	$(PYTEST)
 
-test-all: $(VENV)/.dev  ## every test, those marked slow too: what CI runs
+test-all: $(VENV)/.dev  ## every test, those marked slow too
 	$(PYTEST) --no-loadscope-reorder -m ""
 
 mutants: $(VENV)/.dev  ## whether the tests notice wrong code: hours, resumable

@@ -62,7 +62,9 @@ def pitched(pitch):
     return table("angle_rad,base_pitch_rad", read=lambda k, run: [0.5 * k / N, pitch(k)])
 
 
-RISEN = table(read=lambda k, run: [0.4 * k / N + 0.01 * np.random.default_rng(7 * k + ord(run)).normal()])
+WAVES = table(
+    read=lambda k, run: [0.3 * np.sin(0.9 * k) + 0.01 * np.random.default_rng(7 * k + ord(run)).normal()]
+)
 TWO = ("--effect", "stiffness", "--effect", "actuation_gain")
 # Verb, study, files, options, what is said of it.
 SAID = [
@@ -85,7 +87,7 @@ SAID = [
     ("compare", JOINT, [table(), table(names="C", top=10.0)], (), (
         "b.csv: Unit to check: pressure_pa reaches only 9.75 Pa"
     )),
-    ("plan", JOINT, [RISEN], TWO, "No listed effect explains the error"),
+    ("plan", JOINT, [WAVES], TWO, "No listed effect explains the error"),
     ("plan", JOINT + TASK + f"protocols: [{REST}]\n", [], ("--effect", "thermal_softening"), (
         "No run of the menu shows any of these effects"
     )),

@@ -22,7 +22,7 @@ BURN_IN = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledPosterior:
     """Samples (m, k) of x after the burn-in, and how many independent ones they are worth (the worst parameter)."""
 
     x: Array
@@ -31,7 +31,7 @@ class Sampled:
 
 def sample_posterior(
     fitter: Fitter, fit: EffectFit, n_effective: float, steps: int, seed: int = 0
-) -> Sampled:
+) -> SampledPosterior:
     """Sample the posterior of a fit.
 
     Args:
@@ -76,4 +76,4 @@ def sample_posterior(
     burnt = int(BURN_IN * steps)
     x = walk.get_chain(discard=burnt, flat=True)
     memory = float(np.max(walk.get_autocorr_time(discard=burnt, tol=0)))
-    return Sampled(np.asarray(x), len(x) / max(memory, 1.0))
+    return SampledPosterior(np.asarray(x), len(x) / max(memory, 1.0))
