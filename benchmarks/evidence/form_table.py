@@ -49,7 +49,7 @@ FRICTIONLOSS = Form("MuJoCo's own", {"own": 1.0}, engines=("mujoco",), robots=("
 LUGRE = Form(
     "LuGre",
     {"friction_shape": f.DAHL, "falls": 1.0},
-    {"friction_width": (0.015, 0.04), "friction_stribeck": (0.15, 0.35)},
+    {"friction_width": (0.015, 0.04), "friction_stribeck": (0.04, 0.1)},
     engines=("functional",),
 )
 # Of each kind: the forms of the calibration split, and those of the judged one.

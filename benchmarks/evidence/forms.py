@@ -306,7 +306,7 @@ def rubbing(old: Array, new: Array, step: float, dt: float, f: Forms) -> float:
         f.friction_shape == DAHL
     ):  # as in LuGre's model the limit falls with speed (Canudas de Wit et al. 1995)
         new[FRICTION] = dahl(old[FRICTION], step / width)
-        return new[FRICTION] * (1.0 + f.friction_stribeck * math.exp(-abs(step / dt) / STRIBECK_RATE))
+        return new[FRICTION] * (1.0 + f.friction_stribeck * math.exp(-((step / dt / STRIBECK_RATE) ** 2)))
     total = 0.0
     for k in range(3):
         limit = width * (0.4, 1.0, 2.2)[k]

@@ -42,6 +42,8 @@ EXCITED_SNR = 0.3
 SCALING_TOLERANCE, SCALING_ROUNDS = 0.02, 12
 # Of a strength at which the truth has no equilibrium: the largest that is tried next.
 LESS = 0.8
+# Share of the target below which such a truth is no set of its strength.
+ENOUGH = 0.8
 
 
 @dataclass(frozen=True)
@@ -224,16 +226,16 @@ def _scaled(
     at a strength, that is beyond the largest sensible one.
 
     Raises:
-        RuntimeError: the truth has no equilibrium at any strength that was tried.
+        RuntimeError: the truth has no equilibrium at strengths that come near the target.
     """
-    strength, power = min(guess, largest), 1.0
+    strength, power, stopped = min(guess, largest), 1.0, False
     before: tuple[float, float] | None = None
     found: tuple[float, Outputs, float] | None = None
     for _ in range(SCALING_ROUNDS):
         try:
             hidden = outputs(strength)
         except RuntimeError:
-            largest = LESS * strength
+            largest, stopped = LESS * strength, True
             strength = largest if before is None else min(largest, 0.5 * (strength + before[0]))
             continue
         reached = signal(clean, hidden, sigma)
@@ -245,8 +247,8 @@ def _scaled(
             power = math.log(reached / before[1]) / math.log(strength / before[0])
         before = (strength, reached)
         strength = min(strength * (target / reached) ** (1 / min(max(power, 0.3), 3.0)), largest)
-    if found is None:
-        raise RuntimeError("the truth has no equilibrium at any strength that was tried")
+    if found is None or (stopped and found[2] < ENOUGH * target):
+        raise RuntimeError("the truth has no equilibrium at the strength that is wanted, nor near it")
     return Scaled(*found)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from tests.diagnosis.quick import (
     REGISTRY,
     SIGMA,
@@ -201,18 +202,29 @@ def test_one_group_alone_predicts_as_the_model_without_the_effect_and_nothing_ha
     np.testing.assert_array_equal(heldout_residual(nothing, np.array([0, 0, 1, 1])), np.arange(4.0))
 
 
-def test_moves_stay_within_bounds() -> None:
+@pytest.mark.parametrize("alike", [0.0, 0.98])
+def test_moves_stay_within_bounds_and_the_others_follow(alike: float) -> None:
+    """A strength at its bound and a shape that does nearly the same: without a group they are refitted together."""
     _, slopes, y, groups = linear(3)
-    mine = groups == 0
-    low, _ = CANDIDATE.limits()
-    y = y + slopes @ np.array([low[0] + 0.01, 0.0, 0.0])  # the loss is at its least but for group 0
-    fit = EffectFit(
-        CANDIDATE, np.array([low[0], 0, 0]), y - slopes[:, 0] * low[0], slopes, True, (True, False, False)
-    )
+    slopes[:, 1] = alike * slopes[:, 0] + np.sqrt(1.0 - alike**2) * slopes[:, 1]
+    low, high = CANDIDATE.limits()
+    best = np.array([low[0], 0.3, 0.0])
+    y = y + slopes @ (best - np.array([1.0, 0.0, 0.0]))  # the loss is least beyond the bound
+    fit = EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (True, False, False))
     left = heldout_residual(fit, groups)
-    free = refit(slopes[~mine], y[~mine])
-    clipped = np.maximum(free, low)
-    np.testing.assert_allclose(left[mine], y[mine] - slopes[mine] @ clipped, atol=1e-8)
+    for group in range(6):
+        mine = groups == group
+        normal = slopes[~mine].T @ slopes[~mine] + PRIOR_WEIGHT * np.eye(3)
+        right = slopes[~mine].T @ y[~mine]
+        there = minimize(
+            lambda x, a=normal, b=right: (0.5 * x @ a @ x - b @ x, a @ x - b),
+            best,
+            jac=True,
+            bounds=list(zip(low, high, strict=True)),
+            options={"ftol": 1e-15, "gtol": 1e-10},
+        ).x
+        assert there[0] == pytest.approx(low[0])
+        np.testing.assert_allclose(left[mine], y[mine] - slopes[mine] @ there, atol=1e-4)
 
 
 def test_groups() -> None:

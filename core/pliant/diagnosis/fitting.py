@@ -8,9 +8,10 @@ The fit is not repeated: without the readings G the parameters x move by
 
     dx = (A + λ)⁻¹ (b − λ x),      A = Σ_{i ∉ G} J_iᵀ J_i,      b = Σ_{i ∉ G} J_iᵀ r_i
 
-within their bounds, and leave r_G − J_G dx, exact for a linear model (Cook & Weisberg 1982, section 2.2.2). The weak
-prior λ (`FitParameter.pull`) decides only where the other readings say nothing about a parameter: it then returns to
-x = 0, the neutral strength or the typical shape, as a fit without G would have left it.
+within their bounds (all at once: Stark & Parker, Comput. Stat. 10, 1995), and leave r_G − J_G dx, exact for a linear
+model (Cook & Weisberg 1982, section 2.2.2). The weak prior λ (`FitParameter.pull`) decides only where the other
+readings say nothing about a parameter: it then returns to x = 0, the neutral strength or the typical shape, as a fit
+without G would have left it.
 """
 
 from __future__ import annotations
@@ -341,8 +342,8 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
         if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
-        move = np.linalg.solve(normal + prior, slopes.T @ residual - pull * fit.x)
-        left[mine] -= fit.slopes[mine] @ (np.clip(fit.x + move, low, high) - fit.x)
+        move = _bounded(normal + prior, slopes.T @ residual - pull * fit.x, low - fit.x, high - fit.x)
+        left[mine] -= fit.slopes[mine] @ move
     return left
 
 
@@ -358,6 +359,24 @@ def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
             mine = np.flatnonzero((readings.run == run) & (readings.output == output))
             block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
     return block
+
+
+def _bounded(normal: Array, right: Array, low: Array, high: Array) -> Array:
+    """(k,) the least of ½ mᵀ A m − bᵀ m within bounds: where one parameter stands at its bound, the others follow."""
+    move: Array = np.linalg.solve(normal, right)
+    if np.all((move >= low) & (move <= high)):
+        return move
+    from scipy.optimize import lsq_linear  # takes a moment to import
+
+    root = np.linalg.cholesky(normal)
+    ends = (np.minimum(low, 0.0), np.maximum(high, 0.0))
+    open_ends = ends[0] < ends[1]  # what is held has no room
+    goal = np.linalg.solve(root, right)
+    found = np.zeros(len(right))
+    if open_ends.any():
+        part = lsq_linear(root.T[:, open_ends], goal, (ends[0][open_ends], ends[1][open_ends]), method="bvls")
+        found[open_ends] = part.x
+    return found
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
