@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.output import write
 from benchmarks.real.held_out import held_out
 from benchmarks.real.recordings import (
-    PICTURES,
     Row,
+    finish,
     first_sentence,
     main_of,
     publish,
@@ -232,11 +232,8 @@ def draw(
             panel.set_xscale("symlog", linthresh=1.0)
         panel.set_xlabel("time (s)" if holds else "stretch")
         panel.set_title(name, loc="left", fontsize=10)
-        panel.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("stress (unit not stated)")
-    panels[0].legend(frameon=False, fontsize=8)
-    figure.tight_layout()
-    figure.savefig(PICTURES / "elastomer.png", dpi=110)
+    finish(figure, "elastomer")
     plt.close(figure)
 
 

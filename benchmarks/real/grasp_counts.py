@@ -30,7 +30,7 @@ from pliant.diagnosis.counts_diagnosis import (
     effect_parameters,
     task_parameters,
 )
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
 from pliant.report.count_answers import counted as of
 from pliant.report.count_hypotheses import level_text

@@ -87,6 +87,15 @@ def publish(section: str, lines: Sequence[str]) -> None:
     write_atomically(PAGE, f"{before}{begin}\n\n{body}\n\n{end}{after}")
 
 
+def finish(figure: Any, name: str) -> None:
+    """Save a row of panels for the page: what stands in the first one counts for all."""
+    for panel in figure.axes:
+        panel.spines[["top", "right"]].set_visible(False)
+    figure.axes[0].legend(frameon=False, fontsize=8)
+    figure.tight_layout()
+    figure.savefig(PICTURES / f"{name}.png", dpi=110)
+
+
 def first_sentence(reason: str) -> str:
     """The first sentence of what `improve` says at its end: the page has no room for every look at the bench."""
     return f"{reason.split('. ')[0].rstrip('.')}."

@@ -21,8 +21,8 @@ import numpy as np
 from benchmarks.output import write
 from benchmarks.real.held_out import held_out
 from benchmarks.real.recordings import (
-    PICTURES,
     Row,
+    finish,
     first_sentence,
     improved,
     main_of,
@@ -252,11 +252,8 @@ def draw(
         panel.set_title(f"{run}: {tension_n(run):.1f} N", loc="left", fontsize=10)
         panel.set_xlabel("toward the tendon (mm)")
         panel.set_aspect("equal")
-        panel.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("height (mm)")
-    panels[0].legend(frameon=False, fontsize=8)
-    figure.tight_layout()
-    figure.savefig(PICTURES / "tentacle.png", dpi=110)
+    finish(figure, "tentacle")
     plt.close(figure)
 
 

@@ -15,7 +15,7 @@ from pliant.diagnosis.counts_diagnosis import (
     task_parameters,
     weighed,
 )
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, Setting, counted_study
 from pliant.records.counts import CountCondition, Counts, CountSet

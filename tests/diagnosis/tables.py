@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 
+from pliant.diagnosis.evidence_table import EvidenceTable, Kinds, Row
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.verdict import EvidenceTable, Kinds, Row
 
 
 def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: float | None = None) -> Row:

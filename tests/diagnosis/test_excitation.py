@@ -22,8 +22,8 @@ from tests.diagnosis.quick import (
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import confounded_with, detectable, excitations, not_excited
-from pliant.diagnosis.verdict import THRESHOLDS
 
 CHAIN = joint()
 FLAT = joint(gravity=(0, 0, 0))

@@ -21,6 +21,7 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.evidence_table import UNKNOWN
 from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
@@ -32,7 +33,6 @@ from pliant.diagnosis.next_run import (
     view_of,
     what_next,
 )
-from pliant.diagnosis.verdict import UNKNOWN
 from pliant.experiments.planned_run import named_run
 from pliant.report.fitted import next_run_json
 

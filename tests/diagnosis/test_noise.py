@@ -9,6 +9,7 @@ import pytest
 from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
 from tests.diagnosis.tables import table
 
+from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.noise import (
     Drift,
     NoiseView,
@@ -17,7 +18,7 @@ from pliant.diagnosis.noise import (
     drift_between,
     noise_view,
 )
-from pliant.diagnosis.verdict import THRESHOLDS, judge
+from pliant.diagnosis.verdict import judge
 from pliant.measurements.floors import Floor
 from pliant.measurements.highpass import CORRELATION
 from pliant.measurements.repeats import RepeatGroup, repeat_groups

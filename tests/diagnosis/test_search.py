@@ -9,10 +9,10 @@ import pytest
 from tests.diagnosis.quick import REGISTRY, effect, fitter_of, joint, measured, predictor_of, rich
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import Excitation, excitations
 from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.search import MOST_EFFECTS, Directions, HypothesisSearch
-from pliant.diagnosis.verdict import THRESHOLDS
 
 KINDS = tuple("abcdef")
 N = 200

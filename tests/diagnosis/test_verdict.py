@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.diagnosis.tables import row, table
 
-from pliant.diagnosis.verdict import (
+from pliant.diagnosis.evidence_table import (
     COINCIDENCE,
     NOTHING,
     THRESHOLDS,
@@ -19,13 +19,13 @@ from pliant.diagnosis.verdict import (
     EvidenceTable,
     Kinds,
     credible_set,
-    judge,
     log_evidence,
     predicts_unseen,
     probabilities,
     room_above_floor,
-    shared_effects,
 )
+from pliant.diagnosis.shared_effects import shared_effects
+from pliant.diagnosis.verdict import judge
 from pliant.evidence.excess import CLEARLY_ABOVE, Excess
 
 SQUARES = st.floats(0.5, 50.0)

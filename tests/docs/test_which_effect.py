@@ -9,8 +9,9 @@ import pytest
 from tests.docs.pages import ASK_FEW, FEW_EFFECTS, blocks, commands, run, text_of
 
 from pliant import api
+from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import SEPARABLE
-from pliant.diagnosis.verdict import THRESHOLDS, Verdict
+from pliant.diagnosis.verdict import Verdict
 
 PAGE = text_of("which_effect")
 

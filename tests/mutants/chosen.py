@@ -9,7 +9,7 @@ def _at(room: str, file: str, before: str, after: str) -> Mutant:
     return Mutant(room, file, 0, before, after)
 
 
-VERDICT, NOISE = "core/pliant/diagnosis/verdict.py", "core/pliant/diagnosis/noise.py"
+EVIDENCE, NOISE = "core/pliant/diagnosis/evidence_table.py", "core/pliant/diagnosis/noise.py"
 STORE, DATASET = "core/pliant/store/store.py", "core/pliant/pipeline/dataset.py"
 ROTATIONS, STATICS = "core/pliant/mechanics/rotations.py", "core/pliant/mechanics/statics.py"
 DILATATION, JOBS = "plugins/pliant_plugins/fem/skfem/dilatation.py", "core/pliant/execution/jobs.py"
@@ -17,16 +17,16 @@ EFFECTS = "plugins/pliant_plugins/effects"
 
 CHOSEN: tuple[Mutant, ...] = (
     # Survivors of an earlier trial.
-    _at("diagnosis", VERDICT, "unknown: float = 30.0", "unknown: float = 0.0"),
-    _at("diagnosis", VERDICT, "UNSEEN_RISE = 1.03", "UNSEEN_RISE = 1.3"),
+    _at("diagnosis", EVIDENCE, "unknown: float = 30.0", "unknown: float = 0.0"),
+    _at("diagnosis", EVIDENCE, "UNSEEN_RISE = 1.03", "UNSEEN_RISE = 1.3"),
     _at("diagnosis", NOISE, "floor.between * max(1.0 - standard_error, 0.0) /", "floor.between /"),
     _at("diagnosis", NOISE, " * np.sqrt(len(rows) / (len(rows) - 1))", ""),
     _at("fem", DILATATION, "(twice / 9 - 2 / 3 * m)", "(twice / 9 - m)"),
     # Thresholds and prices of the diagnosis.
-    _at("diagnosis", VERDICT, "effect: float = 2.1", "effect: float = 0.0"),
-    _at("diagnosis", VERDICT, "believed: float = 0.9", "believed: float = 0.5"),
-    _at("diagnosis", VERDICT, "between_run_scatter: float = 1.5", "between_run_scatter: float = 15.0"),
-    _at("diagnosis", VERDICT, "0.5 * row.n_parameters * np.log(n)", "row.n_parameters * np.log(n)"),
+    _at("diagnosis", EVIDENCE, "effect: float = 2.1", "effect: float = 0.0"),
+    _at("diagnosis", EVIDENCE, "believed: float = 0.9", "believed: float = 0.5"),
+    _at("diagnosis", EVIDENCE, "between_run_scatter: float = 1.5", "between_run_scatter: float = 15.0"),
+    _at("diagnosis", EVIDENCE, "0.5 * row.n_parameters * np.log(n)", "row.n_parameters * np.log(n)"),
     # Mechanics: signs and factors.
     _at(
         "physics",

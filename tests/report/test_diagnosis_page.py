@@ -24,7 +24,8 @@ from tests.report.pages import check_sound
 from tests.slow import slow_among
 
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Verdict
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
+from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (

@@ -18,6 +18,7 @@ import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView
+from pliant.diagnosis.evidence_table import THRESHOLDS, Kinds
 from pliant.diagnosis.excitation import (
     SEPARABLE,
     TYPICAL_SNR,
@@ -28,7 +29,6 @@ from pliant.diagnosis.excitation import (
     excitations,
 )
 from pliant.diagnosis.fitting import SHARE_OF_RANGE, Fitter
-from pliant.diagnosis.verdict import THRESHOLDS, Kinds
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array

@@ -27,19 +27,9 @@ from pydantic import ValidationError
 from pliant.config.measurements import PlausibleRange
 from pliant.config.problems import sentences
 from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
-from pliant.diagnosis.verdict import (
-    NOT_PREDICTIVE,
-    NOTHING,
-    UNKNOWN,
-    Judgement,
-    Kinds,
-    Verdict,
-    credible_set,
-    named,
-)
-from pliant.diagnosis.verdict import (
-    probabilities as verdict_probabilities,
-)
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds, credible_set
+from pliant.diagnosis.evidence_table import probabilities as verdict_probabilities
+from pliant.diagnosis.verdict import NOT_PREDICTIVE, Judgement, Verdict, named
 from pliant.errors import UserError
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
 from pliant.evidence.counts import (

@@ -14,6 +14,15 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
+from pliant.diagnosis.evidence_table import (
+    LEAST_SQUARE,
+    NOTHING,
+    THRESHOLDS,
+    UNKNOWN,
+    EvidenceTable,
+    EvidenceThresholds,
+    Kinds,
+)
 from pliant.diagnosis.excitation import (
     ConfoundedPair,
     Detectable,
@@ -39,18 +48,7 @@ from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
-from pliant.diagnosis.verdict import (
-    LEAST_SQUARE,
-    NOTHING,
-    THRESHOLDS,
-    UNKNOWN,
-    EvidenceTable,
-    EvidenceThresholds,
-    Judgement,
-    Kinds,
-    Verdict,
-    judge,
-)
+from pliant.diagnosis.verdict import Judgement, Verdict, judge
 from pliant.errors import NotReachedError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance

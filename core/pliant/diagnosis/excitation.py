@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet, FitParameter
+from pliant.diagnosis.evidence_table import EvidenceThresholds, Kinds
 from pliant.diagnosis.fitting import EffectFit, Fitter
-from pliant.diagnosis.verdict import EvidenceThresholds, Kinds
 from pliant.errors import ImpossibleEffectError, UserError
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry

@@ -363,20 +363,18 @@ def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
 
 def _bounded(normal: Array, right: Array, low: Array, high: Array) -> Array:
     """(k,) the least of ½ mᵀ A m − bᵀ m within bounds: where one parameter stands at its bound, the others follow."""
-    move: Array = np.linalg.solve(normal, right)
+    move = np.linalg.solve(normal, right)
     if np.all((move >= low) & (move <= high)):
-        return move
+        return np.asarray(move, float)
     from scipy.optimize import lsq_linear  # takes a moment to import
 
     root = np.linalg.cholesky(normal)
-    ends = (np.minimum(low, 0.0), np.maximum(high, 0.0))
-    open_ends = ends[0] < ends[1]  # what is held has no room
-    goal = np.linalg.solve(root, right)
-    found = np.zeros(len(right))
-    if open_ends.any():
-        part = lsq_linear(root.T[:, open_ends], goal, (ends[0][open_ends], ends[1][open_ends]), method="bvls")
-        found[open_ends] = part.x
-    return found
+    goal, found = np.linalg.solve(root, right), np.zeros(len(right))
+    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    free = low < high  # what is held has no room
+    if free.any():
+        found[free] = lsq_linear(root.T[:, free], goal, (low[free], high[free]), method="bvls").x
+    return np.asarray(found, float)
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:

@@ -15,32 +15,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
 
 from pliant.config.study import Study
 from pliant.diagnosis.bands import Bands, bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
+from pliant.diagnosis.evidence_table import Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
 from pliant.diagnosis.learned_term import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.next_step import Cause, StepProposal, named_step, predicting_step
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.test_split import TrainTestSplit, lock
-from pliant.diagnosis.unseen import best_prediction, block_squares, prediction_gain
-from pliant.diagnosis.verdict import (
-    THRESHOLDS,
-    Kinds,
-    SharedEffect,
-    shapes_at_bound,
-    shared_effects,
-    sorted_kinds,
-)
+from pliant.diagnosis.unseen import block_squares, prediction_gain
 from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.excess import Excess
 from pliant.evidence.places import Residuals
@@ -58,8 +51,6 @@ from pliant.records.remark import Rank, Remark
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
 LEAST_GAIN = 0.01
-# Effects that would predict as well are named up to so many.
-MOST_ALIKE = 4
 # What is said at the end: where the error that is left is small, and where it is clearly above the noise.
 RIGHT = "The model is right to {left} times the noise"
 CLOSINGS = {
@@ -78,10 +69,6 @@ CLOSINGS = {
         "These data do not decide: {contenders}.",
     ),
 }
-
-
-# How a step came about: see `Step`.
-Cause = Literal["", "named", "class", "open", "learned"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,17 +164,6 @@ class _Draft:
     learned: LearnedTerm | None = None
 
 
-@dataclass(frozen=True)
-class _Proposal:
-    """What to add next: kinds in order, those that each stands for, forms that vary, why it is proposed."""
-
-    order: tuple[str, ...]
-    stands_for: Kinds
-    forms: Kinds
-    cause: Cause
-    core: SharedEffect | None = None
-
-
 def improve(
     bench: Workbench,
     study: Study,
@@ -250,7 +226,7 @@ class _Walk:
         """Take steps; returns what stopped it, and the reason where it is not a verdict."""
         while True:
             found = self._diagnose()
-            proposals = [self._named(found), None if named_only else self._predicting(found)]
+            proposals = [named_step(found), None if named_only else predicting_step(found, self.added)]
             refused: tuple[str, str] = (found.verdict, "")
             for proposal in filter(None, proposals):
                 refused = self._refused(proposal, most_steps)
@@ -259,26 +235,7 @@ class _Walk:
             else:
                 return refused
 
-    def _named(self, found: Diagnosis) -> _Proposal | None:
-        """What the verdict names, or a group of look-alikes one of which is missing."""
-        core = _core(found)
-        if found.verdict != "missing_effect" and core is None:
-            return None
-        order = tuple(_by_gain(found)) if core is None else (core.chosen,)
-        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
-        return _Proposal(order, group, _forms(found, order), "class" if group else "named", core)
-
-    def _predicting(self, found: Diagnosis) -> _Proposal | None:
-        """What predicts readings better that no fit has seen, whatever its name; never more of what is there."""
-        if found.verdict == "nothing_missing":
-            return None
-        best = best_prediction(found, self.added)
-        if best is None:
-            return None
-        order = tuple(_by_gain(found, best.kinds))
-        return _Proposal(order, best.alike if len(best.alike) > 1 else (), _forms(found, order), "open")
-
-    def _refused(self, proposal: _Proposal, most_steps: int) -> tuple[str, str]:
+    def _refused(self, proposal: StepProposal, most_steps: int) -> tuple[str, str]:
         """Take the steps of a proposal; what speaks against it and why, both empty where they were taken."""
         order, alike = proposal.order, {*proposal.order, *proposal.stands_for}
         again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
@@ -359,7 +316,7 @@ class _Walk:
         no_worse = conditions < (1.0 + LEAST_GAIN) * score(before, floors).over_floor
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
-    def _take(self, kind: str, proposal: _Proposal) -> None:
+    def _take(self, kind: str, proposal: StepProposal) -> None:
         found = extend(
             self.ground,
             self.effects,
@@ -377,28 +334,12 @@ class _Walk:
         on = "blocks of the run that are" if alone else "training runs that are"
         fall = f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
         residuals = self.ground.residuals(self.effects, self.measurement)
-        why = f"{self._known(kind, proposal)} {fall} {self._seen()}"
+        known = proposal.why(kind, self.bench.registry)
+        why = f"{known} {fall} {self._seen()}"
         group = proposal.stands_for
         self.drafts.append(
             _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause)
         )
-
-    def _known(self, kind: str, proposal: _Proposal) -> str:
-        """Why this effect, in sentences."""
-        if proposal.core is not None and self.last is not None:
-            return _standing_in(proposal.core, self.last)
-        component = self.bench.registry.get("effect", kind)
-        notes = component.implementation_class().notes
-        if proposal.cause == "open":
-            others = [other for other in proposal.stands_for if other != kind][:MOST_ALIKE]
-            same = f"; {' or '.join(others)} would predict as well here" if others else ""
-            return (
-                f"Taken because it predicts better ({component.summary}), not because these data name it as the cause"
-                f"{same}."
-            )
-        known = f"The training runs speak for {kind}: {component.summary}."
-        known += f" It is known by this: {notes.signature}" if notes.signature else ""
-        return known + (f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else "")
 
     def _seen(self) -> str:
         """Where the model fails on the training runs now."""
@@ -494,55 +435,6 @@ class _Walk:
             found = replace(found, learned=None)  # it is in the model: nothing to offer
         of_verdict = stop != "unknown_effect"  # said by the closing with the error that is left at the end
         return " ".join([first, *explanation(found, self.bench.registry, of_verdict)])
-
-
-def _core(found: Diagnosis) -> SharedEffect | None:
-    """What the credible explanations agree on, where none of them is believed by itself."""
-    if found.verdict != "ambiguous":
-        return None
-    alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
-    alike |= {frozenset(pair) for pair in combinations(found.judgement.selected_class, 2)}
-    return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
-
-
-def _standing_in(core: SharedEffect, found: Diagnosis) -> str:
-    """That an effect is taken although the verdict is open, and which run would settle it."""
-    if len(core.stands_for) == 1:
-        return (
-            f"The explanations that are left differ in what else is missing; {core.chosen} is in nearly all of them "
-            f"({core.probability:.0%})."
-        )
-    told = f"{core.chosen} stands for one of {', '.join(core.stands_for)}: these data cannot tell which"
-    group = set(core.stands_for)
-    splits = [one for one in found.classes if one.run and len(group.intersection(one.kinds)) > 1]
-    if splits:
-        best = max(splits, key=lambda one: len(group.intersection(one.kinds)))
-        return f"{told}; the run that would is: {best.words} ({best.minutes:g} min)."
-    if found.next_run is not None:
-        return f"{told}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."
-    return f"{told}."
-
-
-def _by_gain(found: Diagnosis, kinds: Kinds | None = None) -> list[str]:
-    """These effects, the selected ones by default, the one first that explains most when it is added next."""
-    asked = found.selected if kinds is None else kinds
-    chosen: list[str] = []
-    while len(chosen) < len(asked):
-        left = [kind for kind in asked if kind not in chosen]
-
-        def square(kind: str) -> float:
-            row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]
-            return row.mean_square
-
-        chosen.append(min(left, key=square))
-    return chosen
-
-
-def _forms(found: Diagnosis, kinds: Sequence[str]) -> Kinds:
-    """Those of these kinds whose forms vary in the diagnosis."""
-    whole = found.fits.get(sorted_kinds(kinds))
-    fits = [whole] if whole is not None else [found.fits[(kind,)] for kind in kinds if (kind,) in found.fits]
-    return tuple(kind for kind in kinds if any(kind in fit.candidate.forms for fit in fits))
 
 
 def _still_wrong(last: Step, stop: str) -> list[str]:

@@ -19,17 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import (
-    MOST_LOST,
-    EffectFit,
-    Fitter,
-    ReadingVector,
-    condition_of_runs,
-    heldout_residual,
-)
-from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.verdict import (
+from pliant.diagnosis.evidence_table import (
     LEAST_SQUARE,
     NOTHING,
     EvidenceTable,
@@ -41,6 +31,16 @@ from pliant.diagnosis.verdict import (
     room_above_floor,
     sorted_kinds,
 )
+from pliant.diagnosis.excitation import Excitation
+from pliant.diagnosis.fitting import (
+    MOST_LOST,
+    EffectFit,
+    Fitter,
+    ReadingVector,
+    condition_of_runs,
+    heldout_residual,
+)
+from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue
 from pliant.measurements.repeats import RepeatGroup, repeat_groups

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.fitting import BLOCKS, blocks_of, heldout_residual
-from pliant.diagnosis.verdict import NOTHING, Kinds
 from pliant.evidence.places import Residuals
 from pliant.records.design import Array
 

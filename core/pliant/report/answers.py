@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.next_run import NextRun
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.verdict import named
 from pliant.evidence.comparison import Comparison, headline
 from pliant.formatting import listed, number, unit_of, whole_percent
 from pliant.report.diagnosis_tables import parameter_texts

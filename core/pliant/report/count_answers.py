@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import named
 from pliant.evidence.binomial import Count
 from pliant.evidence.counts import CountComparison
 from pliant.formatting import listed, plural

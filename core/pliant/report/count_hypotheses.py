@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement, Explanation
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import named
 from pliant.evidence.counts import CountComparison
 from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts

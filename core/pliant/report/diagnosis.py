@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.posterior import Posterior, posterior_of
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.verdict import named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry

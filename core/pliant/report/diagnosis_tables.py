@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis, circumstance
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import named
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes
 from pliant.report.document import Column, Table, as_json, optional_table, page_table

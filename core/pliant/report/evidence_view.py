@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.places import Residuals, residuals_of

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
-from pliant.diagnosis.verdict import NOTHING, Judgement, Kinds
+from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
 from pliant.records.remark import Remark

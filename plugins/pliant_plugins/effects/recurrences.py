@@ -45,6 +45,20 @@ def distances_of_two(change, steps, kept, added, kept_above, added_above, rising
 
 
 @njit(cache=True, error_model="numpy")
+def through_orifice(middle, steps, running, rising_s, falling_s, power, first):  # type: ignore[no-untyped-def]
+    """y (t,) from `first` through an orifice, with inputs (t − 1,) that stand at their middle over each step."""
+    found, rest = np.empty(len(middle) + 1), 1.0 - power
+    found[0] = y = first
+    for k in range(len(middle)):
+        gap = y - middle[k]
+        if running[k] and gap != 0.0:
+            left = abs(gap) ** rest - rest * steps[k] / (falling_s if gap > 0.0 else rising_s)
+            y = middle[k] + math.copysign(left ** (1.0 / rest) if left > 0.0 else 0.0, gap)
+        found[k + 1] = y
+    return found
+
+
+@njit(cache=True, error_model="numpy")
 def lacking(pressure, valve, steps, rate_1_s, filling_s, power, full):  # type: ignore[no-untyped-def]
     """d (t,) of a leak at the samples; `full`: the pressure of the stated rate, infinite where the power is 1."""
     found = np.empty(len(pressure))

@@ -22,7 +22,6 @@ what they have. Data without times are states reached slowly, and have no lag.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Literal
 
@@ -131,16 +130,12 @@ def through_orifice(
     and nothing is left once the right side is negative: of second order in the step. `times_s` are T while y rises and
     while it falls.
     """
-    y, found, rest = float(values[0]), [float(values[0])], 1.0 - power
-    middle = (0.5 * (values[1:] + values[:-1])).tolist()
-    running = [True] * len(middle) if flows is None else flows.tolist()
-    for u, step, runs in zip(middle, np.diff(time_s).tolist(), running, strict=True):
-        gap = y - u
-        if runs and gap != 0.0:
-            left = abs(gap) ** rest - rest * step / times_s[gap > 0.0]
-            y = u + math.copysign(left ** (1.0 / rest) if left > 0.0 else 0.0, gap)
-        found.append(y)
-    return np.array(found)
+    from pliant_plugins.effects import recurrences
+
+    running = np.ones(len(values) - 1, bool) if flows is None else flows
+    middle, first = 0.5 * (values[1:] + values[:-1]), float(values[0])
+    late: Array = recurrences.through_orifice(middle, np.diff(time_s), running, *times_s, power, first)
+    return late
 
 
 def lagged_twice(

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import named
 from pliant.evidence.covariates import Covariate
 from pliant.evidence.prediction import RunReadings
 from pliant.formatting import NamedUnit, unit_of, whole_percent

@@ -1,0 +1,263 @@
+"""The evidence of every hypothesis that was fitted, what it must pay, and its probability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.noise import NoiseView
+from pliant.evidence.excess import Excess
+from pliant.records.design import Array
+
+Kinds = tuple[str, ...]
+NOTHING: Kinds = ()
+UNKNOWN: Kinds = ("unknown",)
+# Rise of the error on conditions left out that is still rounding and noise.
+UNSEEN_RISE = 1.03
+
+
+@dataclass(frozen=True)
+class Row:
+    """One hypothesis.
+
+    Attributes:
+        kinds: its effects, sorted by name; empty for "nothing is missing".
+        n_parameters: fitted strengths and shapes.
+        mean_square: S, the mean squared residual in units of the floor's square.
+        heldout_square: the same with each run left out of its own fit.
+        unseen_square: the same with each condition left out, all its repeats together.
+        unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
+        at_limit: names of parameters that ended on a bound.
+        form_price: log-odds that forms cost which vary; 0 for the plain ones.
+    """
+
+    kinds: Kinds
+    n_parameters: int
+    mean_square: float
+    heldout_square: float
+    unseen_square: float
+    unseen: tuple[float, ...]
+    at_limit: tuple[str, ...]
+    form_price: float = 0.0
+
+
+@dataclass(frozen=True)
+class EvidenceTable:
+    """All rows, and the noise that they are weighed against."""
+
+    rows: Mapping[Kinds, Row]
+    noise: NoiseView
+    n_readings: int
+
+    @property
+    def nothing(self) -> Row:
+        """The row of the model as it is."""
+        return self.rows[NOTHING]
+
+    @property
+    def n_candidates(self) -> int:
+        """Effects that were fitted by themselves."""
+        return sum(len(kinds) == 1 for kinds in self.rows)
+
+    def over_floor(self, square: float) -> float:
+        """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
+        floor = self.noise.floor_square
+        return float(np.sqrt(square / floor)) if floor > LEAST_SQUARE else np.nan
+
+    def excess(self, square: float) -> Excess:
+        """The same with its standard error."""
+        return Excess.of(self.over_floor(square), self.noise.floors, self.noise.n_effective)
+
+
+@dataclass(frozen=True)
+class EvidenceThresholds:
+    """What a hypothesis must pay before it is believed; calibrated on simulated nulls with model error.
+
+    Attributes:
+        effect: log-odds that each further effect costs, times ln(1 + candidates), beside the ½ ln n_eff of each
+            parameter (Schwarz 1978): the longer the list, the likelier one of it fits by chance (Scott & Berger, Ann.
+            Statist. 38, 2010).
+        unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
+        model_form_tolerance: share of what a hypothesis explains that may be left over because its equation is an
+            idealisation: a further effect must explain more than that.
+        unknown_form_tolerance: that share beside an effect outside the list, which could have any form.
+        temperature: log-evidence is divided by this: forms and noise models are never quite right.
+        believed: probability above which the first hypothesis is the verdict.
+        between_run_scatter: between / within scatter from which runs do not repeat.
+        drift: change of scale between repeats, in floors (which it swells), from which they do not.
+        fewest: n_eff below which no verdict is given.
+        rival_form: log-odds that a hypothesis loses at most against a rival of the same size for each share of what the
+            exchanged effect explains that it leaves over: more data do not tell whether a small share is another effect
+            or a form that is not quite ours.
+        excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
+            that an effect is paid only for what it explains beyond that.
+    """
+
+    effect: float = 2.1
+    unknown: float = 30.0
+    model_form_tolerance: float = 0.03
+    unknown_form_tolerance: float = 0.08
+    rival_form: float = 220.0
+    temperature: float = 2.0
+    believed: float = 0.9
+    between_run_scatter: float = 1.5
+    drift: float = 0.3
+    fewest: float = 12.0
+    excited: float = 0.3
+
+    def per_effect(self, n_candidates: int) -> float:
+        """What one further effect costs when so many are tried."""
+        return self.effect * float(np.log1p(n_candidates))
+
+
+THRESHOLDS = EvidenceThresholds()
+# Mean squares below this, a thousandth of the scales, are those of data without noise.
+LEAST_SQUARE = 1e-6
+# Share of that tolerance where forms vary: they have taken up the rest.
+BENT_SHARE = 0.5
+# Half the number of independent ways in which a form may be wrong.
+COINCIDENCE = 2.0
+
+
+def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
+    """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
+
+    −½ n_eff ln S* − ½ k ln n_eff − effect · ln(1 + candidates) · effects, S* the mean squared residual plus, for every
+    hypothesis but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong
+    equations of the best simpler hypothesis may have left over.
+    """
+    n, price = max(table.noise.n_effective, 2.0), thresholds.per_effect(table.n_candidates)
+    found = {}
+    for kinds, row in table.rows.items():
+        square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
+        paid = 0.5 * row.n_parameters * np.log(n) + price * len(kinds) + row.form_price
+        found[kinds] = -0.5 * n * np.log(square) - paid
+    _pay_rivals(table, found, n, thresholds)
+    if table.noise.judged:
+        best = max(found, key=lambda kinds: found[kinds])
+        left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
+        square = table.noise.floor_square + left
+        found[UNKNOWN] = -0.5 * n * np.log(square) - thresholds.unknown
+    return found
+
+
+def _pay_rivals(
+    table: EvidenceTable, found: dict[Kinds, float], n: float, thresholds: EvidenceThresholds
+) -> None:
+    """No hypothesis gets more against a rival of its size than is due to it, in place.
+
+    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above
+    the noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival
+    right with a form of its own, the best one would have to meet it by chance as closely as it does.
+    """
+    for size in {len(kinds) for kinds in found} - {0}:
+        rivals = [
+            kinds for kinds in found if len(kinds) == size and np.isfinite(table.rows[kinds].mean_square)
+        ]
+        if len(rivals) < 2:
+            continue
+        best = max(rivals, key=lambda kinds: found[kinds])
+        top = max(table.rows[best].mean_square, LEAST_SQUARE)
+        for kinds in rivals:
+            shared = tuple(kind for kind in best if kind in kinds)
+            mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
+            if mine <= top or shared not in table.rows:
+                continue
+            explained = table.rows[shared].mean_square - top
+            allowed = _allowance(table, kinds, thresholds)
+            lost = 0.5 * n * np.log((mine + allowed) / (top + allowed))
+            if explained > 0.0:
+                chance = COINCIDENCE * np.log(
+                    _above(table, mine, n, thresholds) / _above(table, top, n, thresholds)
+                )
+                found[kinds] += max(lost - thresholds.rival_form * (mine - top) / explained - chance, 0.0)
+
+
+def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
+    """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
+
+
+def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
+    """Normalised exp(evidence / temperature), the largest first."""
+    top = max(evidence.values())
+    weights = {kinds: float(np.exp((value - top) / temperature)) for kinds, value in evidence.items()}
+    total = sum(weights.values())
+    ordered = sorted(weights.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
+    return {kinds: weight / total for kinds, weight in ordered}
+
+
+def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
+    """The most probable hypotheses that hold `share` together."""
+    chosen: list[Kinds] = []
+    total = 0.0
+    for kinds, probability in found.items():
+        chosen.append(kinds)
+        total += probability
+        if total >= share:
+            break
+    return tuple(chosen)
+
+
+def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
+    """Whether every effect of a set lowers the error on runs that its fit has not seen, and raises it on no
+    conditions left out. An effect that one condition alone shows says nothing about that condition.
+    """
+    row = table.rows[kinds]
+    simpler = [tuple(kind for kind in kinds if kind != left) for left in kinds]
+    others = [table.rows[part] for part in simpler if part in table.rows]
+    return all(
+        row.heldout_square < other.heldout_square
+        and _no_worse_unseen(np.array(row.unseen), np.array(other.unseen))
+        for other in others
+    )
+
+
+def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
+    both = np.isfinite(mine) & np.isfinite(theirs)
+    return bool(mine[both].sum() <= UNSEEN_RISE * theirs[both].sum())
+
+
+def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
+    """Whether a further effect could pay its price if it reached the noise floor."""
+    n = max(table.noise.n_effective, 2.0)
+    now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    reach = max(floor + _left_over(table, kinds, thresholds), 1e-12)
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
+    return bool(gain > thresholds.per_effect(table.n_candidates) + 0.5 * np.log(n))
+
+
+def sorted_kinds(kinds: Sequence[str]) -> Kinds:
+    """Kinds in one order, so that a pair has one name."""
+    return tuple(sorted(kinds))
+
+
+def at_limit(fit: EffectFit) -> tuple[str, ...]:
+    """Parameters of a fit that ended on a bound."""
+    ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
+    return tuple(parameter.name for parameter, there in ends if there)
+
+
+def _left_over(
+    table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds, form: float | None = None
+) -> float:
+    """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
+    explained = table.nothing.mean_square - table.rows[kinds].mean_square
+    varies = BENT_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
+    tolerance = varies * thresholds.model_form_tolerance if form is None else form
+    return thresholds.excited**2 + tolerance * max(explained, 0.0)
+
+
+def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
+    """What the best of all hypotheses with one effect less may leave: no merit of any further effect."""
+    if not kinds:
+        return 0.0
+    smaller = [key for key in table.rows if len(key) == len(kinds) - 1]
+    if not smaller:
+        return thresholds.excited**2
+    return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), thresholds)
