@@ -47,6 +47,11 @@ def test_a_load_that_moves_counts_too() -> None:
     )
 
 
+def test_a_pressure_that_rises_from_zero_under_a_load_that_stands_begins_at_rest() -> None:
+    loaded = History.of({"pressure_pa": cycle()}, TIME, moment_n_m=1e-3)
+    assert left(loaded)[0].all() and led_in([loaded]) == [loaded]
+
+
 def test_what_follows_a_dropped_stretch_is_left_out_if_inputs_moved_meanwhile() -> None:
     kept = (TIME < 24.0) | (TIME > 33.0)
     moving = History.of({"pressure_pa": cycle()[kept]}, TIME[kept])

@@ -51,7 +51,8 @@ class FitParameter:
     """One parameter of one effect of a candidate, seen as a number x of order 1.
 
     x = (v − neutral) / reach for strengths and shapes with a normal prior, with reach the distance from neutral
-    to the far end of the plausible range; x = ln(v / middle) / s with a log-normal prior.
+    to the far end of the plausible range, for forms the standard deviation of which 90 % are that; with a log-normal
+    prior x = ln(v / middle) / s.
     """
 
     effect: int
@@ -98,11 +99,9 @@ class FitParameter:
     def pull(self) -> float:
         """Weight of the prior in x², in units of squared residuals: weak where it only keeps the idle in place.
 
-        Forms are nuisances with a real prior: 90 % of it lie in the plausible range.
+        Forms are nuisances with a real prior, a standard normal one in x.
         """
-        if not self.is_form:
-            return PRIOR_WEIGHT
-        return NINETY**2 if self.declared.prior == "normal" else 1.0
+        return 1.0 if self.is_form else PRIOR_WEIGHT
 
     @property
     def plausible(self) -> tuple[float, float]:
@@ -122,7 +121,8 @@ class FitParameter:
     @property
     def _reach(self) -> float:
         p = self.declared
-        return max(abs(p.plausible[0] - p.neutral), abs(p.plausible[1] - p.neutral))
+        reach = max(abs(p.plausible[0] - p.neutral), abs(p.plausible[1] - p.neutral))
+        return reach / NINETY if self.is_form else reach
 
     @property
     def _middle(self) -> float:

@@ -1,8 +1,8 @@
 """The joint posterior of a fit's parameters: Laplace's approximation, draws, and what the data do not see.
 
-In the fit parameters' x (`FitParameter`: of order 1) the prior is a standard normal one. For a log-normal prior that is
-what the plugin declares; elsewhere it is wider (one standard deviation reaches the far end of the plausible range), so
-that it decides only where the readings say nothing. About the best fit the posterior is then
+In the fit parameters' x (`FitParameter`: of order 1) the prior is a standard normal one. For a log-normal prior and for
+forms that is what the plugin declares; elsewhere it is wider (one standard deviation reaches the far end of the
+plausible range), so that it decides only where the readings say nothing. About the best fit the posterior is then
 normal with the covariance
 
     C = (JᵀJ / s² + 1)⁻¹

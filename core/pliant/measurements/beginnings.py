@@ -117,9 +117,10 @@ def _with_first(history: History, seconds: float, ends: dict[str, float]) -> His
 def _begins_in_motion(history: History, highest: dict[str, float]) -> bool:
     if history.time_s is None or len(history) < AT_ONCE + 1:
         return False
-    signals = _moving(history)
-    on = any(abs(values[0]) > DRIVEN * highest[name] for name, values in signals.items())
-    return on and _moves(signals, highest, 0, AT_ONCE)
+    on = {name: v for name, v in _moving(history).items() if abs(v[0]) > DRIVEN * highest[name]}
+    return _moves(
+        on, highest, 0, AT_ONCE
+    )  # a pressure that rises from zero under a load that stands does not
 
 
 def unknown_states(history: History, highest: dict[str, float]) -> NDArray[np.bool_]:
