@@ -1,6 +1,7 @@
 """Jobs: who kills a worker twice, the second time alone, has failed, and nobody else loses anything."""
 
-from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
+import errno
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
 
 import pytest
 from tests.execution.work import deadly, square
@@ -83,6 +84,20 @@ def test_processes_that_die_are_replaced_and_only_the_killer_fails(tmp_path):
         found[items[1]].unwrap()
     assert [found[item].unwrap() for item in items if item[0] != 1] == [0, 4, 9, 16]
     assert 2 <= len((tmp_path / "1").read_text().split()) <= 3
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [(OSError("handle is closed"), BrokenExecutor), (OSError(errno.EMFILE, "too many open files"), OSError)],
+)
+def test_a_pool_that_closes_while_a_process_begins_is_a_broken_one(monkeypatch, error, told):
+    def begin_in_closed_pool(pool, *call):
+        raise error
+
+    with executor_for(2) as executor:
+        monkeypatch.setattr(ProcessPoolExecutor, "submit", begin_in_closed_pool)
+        with pytest.raises(told):
+            executor.submit(square, 2)
 
 
 @pytest.mark.parametrize("travels", [1, 3])

@@ -81,7 +81,14 @@ class ProcessExecutor(Executor):
 
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         with one_thread_each(), ignore_sigint():  # processes are spawned when a call needs one
-            return self._pool.submit(function, *values)
+            try:
+                return self._pool.submit(function, *values)
+            except OSError as error:
+                if error.errno is not None:  # the system's: too many files, no memory
+                    raise
+                raise futures.BrokenExecutor(  # the pool closed its pipes while this process began
+                    "a worker died while another began"
+                ) from error
 
     def restart(self) -> bool:
         self.shutdown(at_once=True)
