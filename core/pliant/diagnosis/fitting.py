@@ -332,18 +332,18 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     prior = np.diag(pull)
     # a form that the other readings do not know is the plain one, which is known
     forms = np.diag([parameter.pull * parameter.is_form for parameter in fit.candidate.parameters])
-    whole = fit.slopes.T @ fit.slopes
+    whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
     left = fit.residual.copy()
-    for group in np.unique(groups):
-        mine = groups == group
-        slopes, residual = fit.slopes[~mine], fit.residual[~mine]
-        normal = slopes.T @ slopes
+    order = np.argsort(groups, kind="stable")
+    for mine in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
+        slopes, residual = fit.slopes[mine], fit.residual[mine]
+        normal = whole - slopes.T @ slopes
         known = np.linalg.solve(whole + prior, normal + forms)
         if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
-        move = _bounded(normal + prior, slopes.T @ residual - pull * fit.x, low - fit.x, high - fit.x)
-        left[mine] -= fit.slopes[mine] @ move
+        right = pulled - slopes.T @ residual - pull * fit.x
+        left[mine] -= slopes @ _bounded(normal + prior, right, low - fit.x, high - fit.x)
     return left
 
 
