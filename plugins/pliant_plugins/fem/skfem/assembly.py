@@ -14,10 +14,10 @@ import itertools
 
 import numpy as np
 
+from pliant.interfaces.by_region import material_by_cell
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_plugins.fem.by_region import material_by_cell
 from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
