@@ -234,4 +234,4 @@ def test_the_earlier_name_is_read_and_kept_in_what_names_results() -> None:
 
 def test_a_code_without_contact_says_so() -> None:
     with pytest.raises(UserError, match="'ngsolve' does not solve contact.*'skfem'"):
-        Ngsolve(NgsolveConfig(self_contact="solve"))
+        Ngsolve(NgsolveConfig(self_contact="solve")).check(block(), material())

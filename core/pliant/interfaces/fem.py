@@ -11,7 +11,7 @@ from pydantic import Field, field_serializer, field_validator, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig, Configured
-from pliant.interfaces.material import Material
+from pliant.interfaces.material import Material, require_regions
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
@@ -203,22 +203,36 @@ class StructureSolver(ABC):
 
 
 class FEMBackend(Configured[FemConfig]):
-    """A finite-element code. The FEM stage calls `solver` once per design.
+    """A finite-element code. The FEM stage calls `solver` once per piece of a design, after `check`.
 
-    Attributes:
-        solves_contact: whether `fem.self_contact: solve` is known; its states that touch have the status "touching".
+    `knows` are the requirements (`ModuleProblem.requirements`) that it can solve; what it does not name is refused.
+    "contact" is required by `fem.self_contact: solve`: states in which walls hold each other have the status
+    "touching".
     """
 
-    solves_contact: ClassVar[bool] = False
+    knows: ClassVar[frozenset[str]] = frozenset()
 
-    def __init__(self, config: FemConfig) -> None:
-        """Raises `UserError` where contact is asked of a code that has none."""
-        super().__init__(config)
-        if config.self_contact == "solve" and not self.solves_contact:
+    def check(self, problem: ModuleProblem, material: Material) -> None:
+        """Raise `UserError` for a requirement, contact too, that this backend lacks, or a region without a material."""
+        unknown = sorted(problem.requirements - self.knows)
+        if unknown:
+            named = ", ".join(f"'{name}'" for name in unknown)
+            known = ", ".join(sorted(self.knows)) or "none"
             raise UserError(
-                f"fem '{config.kind}' does not solve contact, which 'self_contact: solve' asks for; use fem.kind "
+                f"fem '{self.config.kind}' does not know {named}, which this family's module requires; "
+                f"it knows {known}."
+            )
+        if self.config.self_contact == "solve" and "contact" not in self.knows:
+            raise UserError(
+                f"fem '{self.config.kind}' does not solve contact, which 'self_contact: solve' asks for; use fem.kind "
                 "'skfem', or 'self_contact: end'."
             )
+        require_regions(problem.mesh.regions, material.regions)
+
+    def checked_solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
+        """`solver`, where the backend knows all that the problem requires. Raises as `check` does."""
+        self.check(problem, material)
+        return self.solver(problem, material)
 
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:

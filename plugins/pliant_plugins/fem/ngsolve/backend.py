@@ -328,9 +328,11 @@ class Ngsolve(FEMBackend):
     """NGSolve: Taylor–Hood hexahedra of order 2 or 3, energies differentiated symbolically, sparse LDLᵀ."""
 
     config: NgsolveConfig
+    knows = frozenset({"ribbons", "tendon", "links", "ties"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> NgsolveSolver:
-        """Raises `UserError` for a frame, actuation, link or material that this backend does not know."""
+        """Raises `UserError` for a frame, actuation, link, material or requirement that this backend does not know."""
+        self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'ngsolve' solves frame 'rod' only, not '{problem.frame}'.")
         with ONE_AT_A_TIME:

@@ -17,6 +17,7 @@ import numpy as np
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
+from pliant_plugins.fem.by_region import material_by_cell
 from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.contact import PlaneContact
@@ -46,7 +47,7 @@ class Assembler:
         contact: bool = False,
     ) -> None:
         mesh = problem.mesh
-        self.problem, self.material = problem, material
+        self.problem, self.material = problem, material_by_cell(mesh, material)
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
         self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)

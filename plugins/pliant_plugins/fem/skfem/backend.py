@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from skfem import ElementHex1, ElementHex2
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
-from pliant.interfaces.material import Material
+from pliant.interfaces.material import Material, require_regions
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
@@ -152,10 +151,11 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-    solves_contact: ClassVar[bool] = True
+    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties", "contact"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
-        """Raises `UserError` for another frame or actuation than this backend knows."""
+        """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
+        self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
         if problem.actuation not in ("pressure_pa", "tendon_force_n"):
@@ -169,4 +169,5 @@ class Skfem(FEMBackend):
 
     def structure(self, problem: StructureProblem, material: Material) -> SkfemStructure:
         """A solver for a body of several modules."""
+        require_regions(problem.mesh.regions, material.regions)
         return SkfemStructure(self.config, problem, material)
