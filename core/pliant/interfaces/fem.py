@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig, Configured
+<<<<<<< HEAD
 from pliant.interfaces.input_levels import InputLevels
 from pliant.interfaces.material import Material
+=======
+from pliant.interfaces.material import Material, require_regions
+>>>>>>> main
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.actuation import Levels, kind_of, names_of
 from pliant.records.design import Array
@@ -217,7 +221,29 @@ class StructureSolver(ABC):
 
 
 class FEMBackend(Configured[FemConfig]):
-    """A finite-element code. The FEM stage calls `solver` once per design."""
+    """A finite-element code. The FEM stage calls `solver` once per piece of a design, after `check`.
+
+    `knows` are the requirements (`ModuleProblem.requirements`) that it can solve; what it does not name is refused.
+    """
+
+    knows: ClassVar[frozenset[str]] = frozenset()
+
+    def check(self, problem: ModuleProblem, material: Material) -> None:
+        """Raise `UserError` for a requirement that this backend does not know, or a region without a material."""
+        unknown = sorted(problem.requirements - self.knows)
+        if unknown:
+            named = ", ".join(f"'{name}'" for name in unknown)
+            known = ", ".join(sorted(self.knows)) or "none"
+            raise UserError(
+                f"fem '{self.config.kind}' does not know {named}, which this family's module requires; "
+                f"it knows {known}."
+            )
+        require_regions(problem.mesh.regions, material.regions)
+
+    def checked_solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
+        """`solver`, where the backend knows all that the problem requires. Raises as `check` does."""
+        self.check(problem, material)
+        return self.solver(problem, material)
 
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:

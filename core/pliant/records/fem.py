@@ -63,7 +63,12 @@ class ModuleMesh:
             solid, into the cavity.
         skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
+<<<<<<< HEAD
         cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
+=======
+        regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
+            each its material, density included, under `material.regions`.
+>>>>>>> main
     """
 
     nodes_m: Array
@@ -71,7 +76,11 @@ class ModuleMesh:
     cavity: IntArray
     skin: IntArray
     node_sets: Mapping[str, IntArray]
+<<<<<<< HEAD
     cavities: Mapping[str, IntArray] = field(default_factory=dict)
+=======
+    regions: Mapping[str, IntArray] = field(default_factory=dict)
+>>>>>>> main
 
 
 @dataclass(frozen=True)
@@ -178,6 +187,8 @@ class ModuleProblem:
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
         closing: the bending that closes a round module, about y and z together; states beyond are never trusted.
+        requires: what a backend must know beyond this record, by names: those that a problem's own class brings. See
+            `requirements`.
     """
 
     mesh: ModuleMesh
@@ -199,6 +210,20 @@ class ModuleProblem:
     contact_planes: tuple[str, ...] = ("start", "end")
     contact_range: tuple[float, float] | None = None
     closing: Closing | None = None
+    requires: frozenset[str] = frozenset()
+
+    @property
+    def requirements(self) -> frozenset[str]:
+        """Names of all that a backend must know to solve it: `requires`, and the optional parts that it has."""
+        parts = {
+            "regions": self.mesh.regions,
+            "ribbons": self.ribbons,
+            "tendon": self.tendon,
+            "links": self.links,
+            "ties": any(self.tied.values()),
+            "several_actuations": len(self.actuations) > 1,
+        }
+        return self.requires | {name for name, part in parts.items() if part}
 
     @property
     def actuations(self) -> tuple[str, ...]:

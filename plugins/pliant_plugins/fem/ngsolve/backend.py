@@ -89,7 +89,9 @@ class NgsolveSystem:
             gradients = [self._applied(form) for form in (self.forms.stored, self.forms.worked)]
         if not (np.isfinite(energy) and all(np.all(np.isfinite(g)) for g in gradients)):
             return None
-        return PathPoint(x, actuation, Value(float(energy), gradients[0]), Value(float(travel), gradients[1]))
+        return PathPoint(
+            x, actuation, Value(float(energy), gradients[0]), (Value(float(travel), gradients[1]),)
+        )
 
     def reduce(self, point: PathPoint[Value]) -> Reduced:
         """Assemble, factorise and condense at a point. Raises `SingularMatrixError`."""
@@ -99,11 +101,11 @@ class NgsolveSystem:
         parts = [self._entries(form.mat, s) for form, s in zip(self._both, self._scatters, strict=True)]
         values, borders, corner = (a - point.actuation * b for a, b in zip(*parts, strict=True))
         n = len(self.elimination.first)
-        residual, work = point.residual, point.travel.gradient
+        residual, work = point.residual, point.travels[0].gradient
         solved = self._solve(values, np.column_stack([residual[:n], borders, work[:n]]))
         tail = np.column_stack([residual[n:], corner, work[n:]])
         full = tail - borders.T @ solved
-        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
+        return Reduced.of(solved, full, self.count)
 
     @property
     def _both(self) -> tuple[Any, Any]:
@@ -328,9 +330,11 @@ class Ngsolve(FEMBackend):
     """NGSolve: Taylor–Hood hexahedra of order 2 or 3, energies differentiated symbolically, sparse LDLᵀ."""
 
     config: NgsolveConfig
+    knows = frozenset({"ribbons", "tendon", "links", "ties"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> NgsolveSolver:
-        """Raises `UserError` for a frame, actuation, link or material that this backend does not know."""
+        """Raises `UserError` for a frame, actuation, link, material or requirement that this backend does not know."""
+        self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'ngsolve' solves frame 'rod' only, not '{problem.frame}'.")
         with ONE_AT_A_TIME:
