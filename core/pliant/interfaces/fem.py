@@ -11,12 +11,8 @@ from pydantic import Field, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig, Configured
-<<<<<<< HEAD
 from pliant.interfaces.input_levels import InputLevels
-from pliant.interfaces.material import Material
-=======
 from pliant.interfaces.material import Material, require_regions
->>>>>>> main
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.actuation import Levels, kind_of, names_of
 from pliant.records.design import Array

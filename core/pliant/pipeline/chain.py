@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-from collections.abc import Sequence
-=======
-import re
 from collections.abc import Mapping, Sequence
->>>>>>> main
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +12,8 @@ from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.mechanics.shared_actuation import shared
-<<<<<<< HEAD
 from pliant.mechanics.shared_elasticity import sharing_elasticity
-=======
 from pliant.meshing.masses import UNIFORM
->>>>>>> main
 from pliant.meshing.surfaces import merged, stretched
 from pliant.pipeline.wiring import Wiring
 from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation

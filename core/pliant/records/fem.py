@@ -63,12 +63,9 @@ class ModuleMesh:
             solid, into the cavity.
         skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
-<<<<<<< HEAD
-        cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
-=======
         regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
             each its material, density included, under `material.regions`.
->>>>>>> main
+        cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
     """
 
     nodes_m: Array
@@ -76,11 +73,8 @@ class ModuleMesh:
     cavity: IntArray
     skin: IntArray
     node_sets: Mapping[str, IntArray]
-<<<<<<< HEAD
-    cavities: Mapping[str, IntArray] = field(default_factory=dict)
-=======
     regions: Mapping[str, IntArray] = field(default_factory=dict)
->>>>>>> main
+    cavities: Mapping[str, IntArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
