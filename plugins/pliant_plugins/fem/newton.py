@@ -215,7 +215,7 @@ class Reduced:
         return Reduced(solved, full[:, 1 : 1 + globals_], full[:, 0], b)
 
     def slopes(self, axes: tuple[int, ...]) -> tuple[Array, Array]:
-        """(∂M/∂a (k,) or (k, m), ∂M/∂q (k, k)) of the efforts M that oppose the globals `axes`, all others at equilibrium."""
+        """(∂M/∂a (k,) or (k, m), ∂M/∂q (k, k)) of efforts M that oppose the globals `axes`, others at equilibrium."""
         S, b, joint = self.stiffness, self.actuation, np.array(axes)
         others = np.setdiff1d(np.arange(len(b)), joint)
         lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
