@@ -31,7 +31,7 @@ ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
 
 
 class ThreeChamberConfig(FamilyConfig):
-    """A round tube with an open bore and three chambers in its wall, each a sector of a ring, with ribs between them."""
+    """A round tube with an open bore and three chambers in its wall, sectors of a ring with ribs between them."""
 
     kind: Literal["three_chamber"] = "three_chamber"
     radius_m: Length = Field(description="R: outer radius")
@@ -132,9 +132,7 @@ def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -
     skin, _ = boundary_faces(cells)
     sets = module_sets(nodes, span_m, (0.0, 0.0, config.radius_m))
     sets["wound"] = np.flatnonzero(np.hypot(nodes[:, 1], nodes[:, 2]) > config.radius_m * (1 - 1e-9))
-    return ModuleMesh(
-        nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities
-    )
+    return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
 
 
 def _lines(pieces: list[tuple[float, float, int]]) -> Array:

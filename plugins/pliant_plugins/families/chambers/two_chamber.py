@@ -97,9 +97,7 @@ def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
     near = 1e-9 * config.height_m
     outside = (np.abs(nodes[:, 1] - w) < near) | (np.abs(np.abs(nodes[:, 2]) - h) < near)
     sets["wound"] = np.flatnonzero(outside)
-    return ModuleMesh(
-        nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities
-    )
+    return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
 
 
 def _check(config: TwoChamberConfig) -> None:
