@@ -29,6 +29,20 @@ EXTENDING = {
     "wall": "1.5 mm",
     "module_length": "10 mm",
 }
+TWO_CHAMBER = {
+    "width": "20 mm",
+    "height": "20 mm",
+    "wall": "2 mm",
+    "web": "2 mm",
+    "module_length": "10 mm",
+}
+THREE_CHAMBER = {
+    "radius": "10 mm",
+    "bore": "2 mm",
+    "wall": "1.5 mm",
+    "rib": "2 mm",
+    "module_length": "10 mm",
+}
 TENDON_JOINT = {
     "module_length": "28 mm",
     "flexure_length": "5 mm",
@@ -41,6 +55,19 @@ TENDON_JOINT = {
     "link_density": "1290 kg/m^3",
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
+}
+PNEUNET = {
+    "module_length": "10 mm",
+    "width": "15 mm",
+    "height": "14 mm",
+    "wall": "1.5 mm",
+    "shell": "2 mm",
+    "gap": "1 mm",
+    "floor": "1.5 mm",
+    "bridge": "1.5 mm",
+    "channel_width": "2 mm",
+    "channel_height": "1.5 mm",
+    "layer": "1 mm",
 }
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
@@ -88,6 +115,30 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
             summary="rigid links with a soft flexure between them; a tendon below it bends it",
             example=TENDON_JOINT,
+        ),
+        Component(
+            interface="family",
+            kind="pneunet",
+            config=f"{HERE}.families.pneunet.family:PneunetConfig",
+            implementation=f"{HERE}.families.pneunet.family:Pneunet",
+            summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
+            example=PNEUNET,
+        ),
+        Component(
+            interface="family",
+            kind="two_chamber",
+            config=f"{HERE}.families.chambers.two_chamber:TwoChamberConfig",
+            implementation=f"{HERE}.families.chambers.two_chamber:TwoChamber",
+            summary="two opposed chambers with a pressure each; bends both ways",
+            example=TWO_CHAMBER,
+        ),
+        Component(
+            interface="family",
+            kind="three_chamber",
+            config=f"{HERE}.families.chambers.three_chamber:ThreeChamberConfig",
+            implementation=f"{HERE}.families.chambers.three_chamber:ThreeChamber",
+            summary="three chambers around a bore with a pressure each; bends about two axes",
+            example=THREE_CHAMBER,
         ),
         Component(
             interface="material",

@@ -19,7 +19,7 @@ from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import require_regions
 from pliant.interfaces.meta_model import MetaModelConfig
-from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.pipeline.chain import (
     Module,
@@ -148,7 +148,9 @@ def check_study(bench: Workbench, study: Study) -> None:
             if study.material is not None:
                 require_regions(built.regions, study.material.of_regions())
         if design.surrogate is not None:
-            bench.build("surrogate", design.surrogate)
+            surrogate: Surrogate = bench.build("surrogate", design.surrogate)
+            if design.family is not None and surrogate.needs_fem():
+                surrogate.check_actuations(built.actuation)
     for key, interface in BLOCKS.items():
         if getattr(study, key) is not None:
             bench.build(interface, getattr(study, key))

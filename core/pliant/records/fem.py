@@ -17,9 +17,10 @@ from pliant.records.law import JointKind
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
 Role = Literal["fit", "check"]
-# Where convolutions overlap, and where the user lets them (fem.self_contact: pass).
-SELF_CONTACT, PASSED = "self_contact", "passed_through"
-TRUSTED = ("ok", PASSED)
+# Where convolutions overlap, where the user lets them (fem.self_contact: pass), and where walls that touch hold each
+# other (fem.self_contact: solve).
+SELF_CONTACT, PASSED, TOUCHING = "self_contact", "passed_through", "touching"
+TRUSTED = ("ok", PASSED, TOUCHING)
 # `explored` of a state that holds several axes.
 COUPLING = "coupling"
 # Arrays of a module's data, one entry per state.
@@ -231,8 +232,8 @@ class FemState:
 
     τ is the external effort that opposes the actuation, τ(p, u) = −∂Π/∂u, zero along axes that are free. Slopes
     are exact tangents with every other unknown at equilibrium, all of u being independent, so that dtau_du is
-    symmetric. `status` is "ok" or "self_contact" (convolutions or rigid parts overlap; the model has no contact, so
-    the state is marked, not trusted).
+    symmetric. `status` is "ok", "touching" (walls hold each other, the contact solved) or "self_contact" (convolutions
+    or rigid parts overlap: the state is marked, not trusted).
 
     Attributes:
         actuation: pressure (Pa) or tendon force (N); (m,) where there are several.

@@ -16,8 +16,9 @@ from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
-from pliant_plugins.fem.rod_solver import RodSolver, field_values
+from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
+from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.structure import SkfemStructure
@@ -112,7 +113,9 @@ class SkfemSolver(RodSolver):
     """
 
     def __init__(self, config: SkfemConfig, problem: ModuleProblem, material: Material) -> None:
-        self.assembler = Assembler(problem, material, config.dilatation)
+        self.assembler = Assembler(
+            problem, material, config.dilatation, contact=config.self_contact == "solve"
+        )
         self.linear = linear_solver(config.linear_solver, self.assembler.pattern)
         # a uniform shear of 1 stores this much: the natural scale of a correction's work
         unit = float(material.evaluate(np.eye(3)).tangent[0, 1, 0, 1] * self.assembler.volume_m3)
@@ -130,6 +133,13 @@ class SkfemSolver(RodSolver):
         places = range(len(self.assembler.faces))
         volumes = [self.assembler.cavity(state.solution, place).value for place in places]
         return self.problem.energy_scale * float(sum(volumes))
+
+    def _touching(self, x: Array) -> Touch | None:
+        contact = self.assembler.contact
+        if contact is None:
+            return None
+        share = contact.deepest(x, self._frame(x)[1])
+        return "free" if share == 0 else "solved" if share <= DEEPEST else "deep"
 
     def _undeformed(self) -> Array:
         return np.zeros(self.assembler.count)
@@ -165,7 +175,7 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties", "several_actuations"})
+    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties", "contact", "several_actuations"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
