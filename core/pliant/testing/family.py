@@ -19,6 +19,7 @@ from pliant.meshing.hexahedra import (
     jacobians,
     sample_points,
 )
+from pliant.records.actuation import expected, is_known, kind_of
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.testing import Finding, Subject, agree, once, require, require_refused
@@ -29,7 +30,6 @@ VOLUME_TOLERANCE = 0.02
 DENSITY = 1000.0
 DENSER = 3.0  # times as dense, for comparison
 AXES = {"revolute": 1, "prismatic": 1, "spherical": 3}
-ACTUATIONS = ("pressure_pa", "tendon_force_n")
 
 
 @once
@@ -93,11 +93,23 @@ def mesh_is_one_closed_body(subject: Subject) -> None:
 
 
 def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
-    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity."""
+    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
+
+    Of several pressures each has its part of them in `cavities`, no face in two.
+    """
     problem, mesh = _problem(subject), _problem(subject).mesh
-    if problem.actuation != "pressure_pa":
+    pressures = [
+        name for name in problem.actuations if is_known(name) and kind_of(name).name == "pressure_pa"
+    ]
+    if not pressures:
         require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
         return
+    if len(problem.actuations) > 1:
+        for name in pressures:
+            require(len(mesh.cavities.get(name, ())) > 0, f"'{name}' has no faces in `mesh.cavities`")
+        parts = np.concatenate([mesh.cavities[name][:, FACE_CENTRE] for name in pressures])
+        whole = np.sort(mesh.cavity[:, FACE_CENTRE])
+        require(np.array_equal(np.sort(parts), whole), "`cavities` together are not the faces of `cavity`")
     require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
     skin = {int(face[FACE_CENTRE]): face for face in boundary_faces(mesh.cells)[0]}
     for number, face in enumerate(mesh.cavity):
@@ -225,8 +237,12 @@ def axes_fit_the_joint(subject: Subject) -> None:
         f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {axes}",
     )
     require(problem.joint == joint, f"the problem's joint is '{problem.joint}', not '{joint}'")
-    known = f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}"
-    require(problem.actuation in ACTUATIONS, known)
+    for name in problem.actuations:
+        require(is_known(name), f"'{name}' of the actuation '{problem.actuation}' is none of {expected()}")
+    same = subject.build().actuation
+    require(same == problem.actuation, f"the family says '{same}' and its problem '{problem.actuation}'")
+    twice = len(set(problem.actuations)) == len(problem.actuations)
+    require(twice, f"the actuation '{problem.actuation}' names an input twice")
     same = f"the family's actuation is '{family.actuation}', the problem's '{problem.actuation}'"
     require(family.actuation == problem.actuation, same)
 
