@@ -190,7 +190,7 @@ class _System:
         data, m = self.data, self.m
         exponents = terms_of(*degrees, m, self.k)
         at = np.column_stack([data.actuation, data.deformation])
-        tables = [powers(at[:, d], *self.maps[d], exponents[:, d], d >= m) for d in range(at.shape[1])]
+        tables = [powers(at[:, d], self.maps[d], exponents[:, d], d >= m) for d in range(at.shape[1])]
         matrix, right, state = [], [], []
         for orders, values, weight in self.wanted:
             there = np.flatnonzero(np.isfinite(values))
@@ -227,7 +227,7 @@ class _System:
     def _less_rest(self, A: Array, b: Array, exponents: Exponents) -> tuple[Array, Array]:
         """Energies as differences to the rest state, a = 0 and u = 0, whose energy is zero."""
         tables = [
-            powers(np.zeros(1), *self.maps[d], exponents[:, d], d >= self.m) for d in range(len(self.maps))
+            powers(np.zeros(1), self.maps[d], exponents[:, d], d >= self.m) for d in range(len(self.maps))
         ]
         place = next(k for k, (orders, _, _) in enumerate(self.wanted) if not orders)
         counts = [int(np.isfinite(values).sum()) for _, values, _ in self.wanted]

@@ -81,9 +81,7 @@ class SeveralLaw(JointLaw):
         """Of each coordinate the powers of all terms and their first two derivatives, (n, t) each."""
         at = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
         m = len(self.actuations)
-        return [
-            powers(at[:, d], *self.maps[d], self.exponents[:, d], bent=d >= m) for d in range(at.shape[1])
-        ]
+        return [powers(at[:, d], self.maps[d], self.exponents[:, d], bent=d >= m) for d in range(at.shape[1])]
 
     def scalar(self) -> ScalarLaw:
         """The compiled form: see `several_kernel`."""
@@ -126,13 +124,12 @@ class SeveralLaw(JointLaw):
         return SeveralLaw(exponents, **read, **shared_fields(record))
 
 
-def powers(
-    values: Array, centre: float, half: float, exponents: Exponents, bent: bool
-) -> tuple[Array, Array, Array]:
+def powers(values: Array, scale: Array, exponents: Exponents, bent: bool) -> tuple[Array, Array, Array]:
     """(n, t) powers of one coordinate and their first two derivatives by it, gone on outside [−1, 1].
 
     `bent`: by the Taylor polynomial of second order, else of first.
     """
+    centre, half = scale
     x = (np.asarray(values, float) - centre) / half
     inside = np.clip(x, -1.0, 1.0)
     beyond = (x - inside)[:, None]
