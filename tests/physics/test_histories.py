@@ -201,7 +201,9 @@ def test_derivatives_stay_bounded_in_holds_of_a_dashpot_that_thickens_with_the_r
     """A change of the past that is larger than what still counts as rest must not grow from step to step."""
     t = 0.02 * np.arange(400)
     steps = np.repeat([0.0, 1.0, 0.5, 0.0], 100)
-    chain = BENCH.build("effect", effect("viscous_damping", time=0.5, rate_power=1.3)).apply(Model(BASE)).chain
+    chain = (
+        BENCH.build("effect", effect("viscous_damping", time=0.5, rate_power=1.3)).apply(Model(BASE)).chain
+    )
 
     def pushed(x: float) -> Variation:
         return Variation(chain, (History.of({"pressure_pa": 0.5 * P * (steps + x)}, t, run="a"),))

@@ -82,7 +82,7 @@ class Prior:
 def most_likely(
     axes: Sequence[CurveAxis], sums: Sums, n_effective: float, floor_square: float
 ) -> Prior | None:
-    """The prior under which the readings are most likely; None where the curve moves none of them, or one without end."""
+    """The prior under which the readings are most likely; None where the curve moves no reading, or one without end."""
     gram, right, n = sums.gram.sum(axis=0), sums.right.sum(axis=0), float(sums.count.sum())
     if not 0.0 < np.trace(gram) < np.inf:
         return None
