@@ -20,6 +20,7 @@ import numpy as np
 
 from pliant.records.fem import IntArray
 from pliant_calculix.model import MM, Model
+from pliant_calculix.plates import PLATE_STIFFNESS, contact_cards
 
 PER_LINE = 15  # node numbers
 TERMS_PER_LINE = 4
@@ -44,6 +45,8 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     cards += [_node(i + 1, MM * model.places_m[i]) for i in model.used]
     cards += _elements(model.element, "BODY", model.cells, 1)
     cards += _elements("C3D15", "CAP", model.wedges, 1 + len(model.cells))
+    first_plate = 1 + len(model.cells) + len(model.wedges)
+    cards += _elements("C3D8", "PLATES", model.plates.bricks, first_plate)
     for name, nodes in model.node_sets.items():
         cards += _set(name.upper(), nodes)
     cards += _set("SECTION", model.section)
@@ -54,6 +57,10 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     cards += ["*MATERIAL, NAME=RUBBER", *model.law, "*SOLID SECTION, ELSET=BODY, MATERIAL=RUBBER"]
     if len(model.wedges):
         cards += ["*MATERIAL, NAME=THIN", *model.cap_law, "*SOLID SECTION, ELSET=CAP, MATERIAL=THIN"]
+    if model.plates.planes:
+        cards += ["*MATERIAL, NAME=PLATE", "*ELASTIC", f"{PLATE_STIFFNESS * model.contact_stiffness:.10g}, 0.0"]
+        cards += ["*SOLID SECTION, ELSET=PLATES, MATERIAL=PLATE"]
+    cards += contact_cards(model.plates, model.problem.mesh.cells, first_plate, model.contact_stiffness)
     fixed = model.fixed
     cards += ["*BOUNDARY", *[f"{node + 1}, {c + 1}" for node, c in fixed]]
     for (node, c), weights in model.follows.items():
@@ -137,7 +144,7 @@ def equation_cards(model: Model, held: float) -> list[str]:
         _node(reference + 1, place),
     ]
     cards += ["*BOUNDARY", f"{reference}, 2, 3", f"{reference + 1}, 2, 3"]
-    for node in [*model.section, *model.cap.behind]:
+    for node in [*model.section, *model.cap.behind, *model.plates.back("end")]:
         # what lies behind the section keeps its distance along x
         constant = normal[2] * float(MM * model.places_m[node, 2] - place[2])
         # nobody may lead who is led himself
