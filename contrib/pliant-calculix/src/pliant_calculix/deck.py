@@ -58,7 +58,11 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     if len(model.wedges):
         cards += ["*MATERIAL, NAME=THIN", *model.cap_law, "*SOLID SECTION, ELSET=CAP, MATERIAL=THIN"]
     if model.plates.planes:
-        cards += ["*MATERIAL, NAME=PLATE", "*ELASTIC", f"{PLATE_STIFFNESS * model.contact_stiffness:.10g}, 0.0"]
+        cards += [
+            "*MATERIAL, NAME=PLATE",
+            "*ELASTIC",
+            f"{PLATE_STIFFNESS * model.contact_stiffness:.10g}, 0.0",
+        ]
         cards += ["*SOLID SECTION, ELSET=PLATES, MATERIAL=PLATE"]
     cards += contact_cards(model.plates, model.problem.mesh.cells, first_plate, model.contact_stiffness)
     fixed = model.fixed
@@ -122,6 +126,21 @@ def path_cards(model: Model, targets: Sequence[Target], tolerance: float) -> lis
         driven = moved if prismatic else tilted
         cards += ["*BOUNDARY, AMPLITUDE=HELD", f"{driven}, 1, 1, 1.0"]
     cards += ["*DSLOAD, AMPLITUDE=PRESSURE", "CAVITY, P, 1.0"]
+    return [*cards, "*NODE PRINT, NSET=PRINTED, TIME POINTS=ENDS", "U, RF", "*END STEP"]
+
+
+def contact_path_cards(model: Model, target: Target, tolerance: float) -> list[str]:
+    """The whole deck of one held state of a model with contact, printed at the end like those of `path_cards`."""
+    assert target.held is not None
+    cards = [
+        *model_cards(model, ["A module whose walls touch, by Pliant"]),
+        *equation_cards(model, target.held),
+    ]
+    cards += [*_set("PRINTED", model.used), "*TIME POINTS, NAME=ENDS", "1.0"]
+    cards += [f"*STEP, NLGEOM=YES, INC={INCREMENTS}", "*CONTROLS, PARAMETERS=FIELD"]
+    cards += [f"{tolerance:.6g}, {tolerance:.6g}, 0.01, 0.02, {tolerance:.6g}, 1e-5, 1e-3, 1e-20"]
+    cards += ["*STATIC", "0.1, 1.0, 1e-4, 0.25", "*BOUNDARY", *equation_motion(model, target.held)]
+    cards += ["*DSLOAD", f"CAVITY, P, {model.pa * target.pressure_pa:.12e}"]
     return [*cards, "*NODE PRINT, NSET=PRINTED, TIME POINTS=ENDS", "U, RF", "*END STEP"]
 
 

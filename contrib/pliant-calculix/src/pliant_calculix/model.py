@@ -150,7 +150,10 @@ def build_model(
     closed_start: bool = False,
     contact: bool = False,
 ) -> Model:
-    """The model of a module, its walls held by the mirror planes where there is `contact`. Raises `UserError` for what this backend does not solve."""
+    """The model of a module, its walls held by the mirror planes where there is `contact`.
+
+    Raises `UserError` for what this backend does not solve.
+    """
     _check(problem)
     nodes = problem.mesh.nodes_m
     cap = build_cap(problem, nodes)

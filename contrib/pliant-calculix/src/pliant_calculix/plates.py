@@ -2,8 +2,8 @@
 
 A plate is one 8-node brick whose face lies in the plane and whose nodes are led: at the start section they are held, at
 the end section they stay in the section's plane like the cap's (`equation_cards`; contact does not go together with
-`*MPC PLANE` in CalculiX 2.20). It has no stiffness to speak of, since all of its nodes are led. Faces of the skin that reach the plane at rest are no part of the skin's surface: their nodes are
-kept in the plane already.
+`*MPC PLANE` in CalculiX 2.20). It has no stiffness to speak of. Faces of the skin that reach the plane at rest are no
+part of the skin's surface: their nodes are kept in the plane already.
 
 Contact is CalculiX' face-to-face penalty method without friction, linear in the overclosure.
 """
