@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pliant.registry.component import Component
@@ -42,6 +43,7 @@ TENDON_JOINT = {
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
 }
+EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
     f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
@@ -88,6 +90,16 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
             summary="rigid links with a soft flexure between them; a tendon below it bends it",
             example=TENDON_JOINT,
+        ),
+        Component(
+            interface="family",
+            kind="mesh_file",
+            config=f"{HERE}.families.mesh_file.family:MeshFileConfig",
+            implementation=f"{HERE}.families.mesh_file.family:MeshFile",
+            summary="a module from a volume mesh of tetrahedra or hexahedra with named surfaces",
+            example={"file": EXAMPLE_MESH, "unit": "mm", "part": "half", "symmetry": "symmetry"},
+            requires=("meshio",),
+            install="pip install 'pliant[fem]'",
         ),
         Component(
             interface="material",

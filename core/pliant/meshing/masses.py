@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pliant.meshing.hexahedra import quadrature
-from pliant.records.design import MassProperties, ModuleMass
+from pliant.meshing.cells import kind_of
+from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleMesh
 
 ORDER = 5  # Gauss rule that integrates second moments of quadratic cells exactly
@@ -37,8 +37,28 @@ def mirrored(piece: MassProperties, axis: int) -> MassProperties:
 
 def meshed_mass(mesh: ModuleMesh, density_kg_m3: float) -> MassProperties:
     """Mass, centre and inertia of the meshed solid itself, exact for its quadratic cells."""
-    point, volume = quadrature(mesh.nodes_m, mesh.cells, ORDER)
-    x, dm = point.reshape(-1, 3), density_kg_m3 * volume.ravel()
+    point, volume = kind_of(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    return _of_points(point.reshape(-1, 3), density_kg_m3 * volume.ravel())
+
+
+def split_masses(
+    mesh: ModuleMesh, span_m: float, density_kg_m3: float, mirror_y: bool = True
+) -> ModuleMass:
+    """Masses of a whole module, x from 0 to span, about the joint in its middle.
+
+    Together they are exact; a cell that the joint's plane crosses is shared out by its quadrature points.
+    """
+    point, volume = kind_of(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    x, dm = point.reshape(-1, 3) - np.array([span_m / 2, 0.0, 0.0]), density_kg_m3 * volume.ravel()
+    ahead = x[:, 0] >= 0
+    halves = [_of_points(x[chosen], dm[chosen]) for chosen in (~ahead, ahead)]
+    if mirror_y:
+        halves = [half.joined(mirrored(half, 1)) for half in halves]
+    return ModuleMass(*halves)
+
+
+def _of_points(x: Array, dm: Array) -> MassProperties:
+    """Of masses dm (n,) at points x (n, 3)."""
     mass = float(dm.sum())
     com = dm @ x / mass
     arm = x - com
