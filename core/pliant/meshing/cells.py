@@ -1,6 +1,7 @@
 """Cells of either kind: what is asked of a mesh without knowing whether it is of hexahedra or tetrahedra.
 
-A mesh has cells of one kind, told by their number of nodes: 27 (`hexahedra`) or 10 (`tetrahedra`); its faces have 9 or 6.
+A mesh has cells of one kind, told by their number of nodes: 27 (`hexahedra`) or 10 (`tetrahedra`); its faces have
+9 or 6.
 """
 
 from __future__ import annotations

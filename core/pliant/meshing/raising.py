@@ -19,7 +19,9 @@ HEX_EDGES = (
 )  # fmt: skip
 HEX_FACES = ((0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2))
 # Lexicographic place of each of VTK's 27 nodes.
-VTK_ORDER: IntArray = np.array([*HEX_CORNERS, *HEX_EDGES, *HEX_FACES, (1, 1, 1)], np.int64) @ np.array([1, 3, 9])
+VTK_ORDER: IntArray = np.array([*HEX_CORNERS, *HEX_EDGES, *HEX_FACES, (1, 1, 1)], np.int64) @ np.array(
+    [1, 3, 9]
+)
 # Nodes of each kind of solid cell that can be solved.
 SOLID = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
 
@@ -66,9 +68,9 @@ def _weights(given: int) -> Array:
     linear = np.prod(1 + lattice[:, None] * corners, axis=-1) / 8
     if given == 8:
         return np.asarray(linear)
-    middle = np.prod(
-        np.where(edges == 0, 1 - lattice[:, None] ** 2, 1 + lattice[:, None] * edges), axis=-1
-    ) / 4
+    middle = (
+        np.prod(np.where(edges == 0, 1 - lattice[:, None] ** 2, 1 + lattice[:, None] * edges), axis=-1) / 4
+    )
     ends = np.all((edges[:, None] == corners) | (edges[:, None] == 0), axis=-1)  # (12, 8)
     return np.hstack([linear - middle @ ends / 2, middle])
 

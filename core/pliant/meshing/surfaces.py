@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pliant.meshing.cells import SQUARE as FACE
 from pliant.meshing.cells import kind_of_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh

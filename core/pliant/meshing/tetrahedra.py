@@ -1,8 +1,8 @@
 """10-node tetrahedra: node order, faces, shape functions, quadrature, Jacobians, boundary.
 
-Local nodes 0 to 3 are the corners (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1) of the unit tetrahedron, 4 to 9 the middles
-of its edges 01, 12, 02, 03, 13, 23 (VTK's order); x(ξ) = Σ N_a(ξ) x_a is quadratic. A face has the corners 0, 1, 2 at
-(0, 0), (1, 0), (0, 1) and the middles 3, 4, 5 of its edges 01, 12, 02; its normal is ∂x/∂a × ∂x/∂b.
+Local nodes 0 to 3 are the corners (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1) of the unit tetrahedron, 4 to 9 the
+middles of its edges 01, 12, 02, 03, 13, 23 (VTK's order); x(ξ) = Σ N_a(ξ) x_a is quadratic. A face has the corners
+0, 1, 2 at (0, 0), (1, 0), (0, 1) and the middles 3, 4, 5 of its edges 01, 12, 02; its normal is ∂x/∂a × ∂x/∂b.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def _quadratic_slopes(at: Array, edges: IntArray) -> Array:
 def rule(order: int) -> tuple[Array, Array]:
     """Points (order³, 3) and weights (order³,) of the unit tetrahedron: exact to degree 2 order − 3.
 
-    Gauss points of the unit cube with two of its faces collapsed (Stroud, Approximate Calculation of Multiple Integrals,
-    1971).
+    Gauss points of the unit cube with two of its faces collapsed (Stroud, Approximate Calculation of Multiple
+    Integrals, 1971).
     """
     node, weight = gauss(order)
     a, b, c = (g.ravel() for g in np.meshgrid(node, node, node, indexing="ij"))
@@ -113,9 +113,7 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Faces (g, 6) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
     faces = cells[:, FACES].reshape(-1, 6)
-    _, first, count = np.unique(
-        np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True
-    )
+    _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     chosen = np.sort(first[count == 1])
     return faces[chosen], chosen // len(FACES)
 

@@ -95,7 +95,7 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         bench.progress.note(remark)
 
     def pieces_of(problems: Mapping[str, ModuleProblem]) -> list[Piece]:
-        return [piece_of(name, one, backend.solver(one, substance)) for name, one in problems.items()]
+        return [piece_of(name, one, backend.checked_solver(one, substance)) for name, one in problems.items()]
 
     def compute(partial: Path) -> ModuleData:
         problems = module_problems(built, fem.refinement)
@@ -109,7 +109,10 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     return bench.make(
         "fem",
         compute,
-        components=[bench.component(name, config) for name, config in configs.items()],
+        components=[
+            *(bench.component(name, config) for name, config in configs.items()),
+            *(bench.component("material", own) for own in material.of_regions().values()),
+        ],
         modules=["pliant.pipeline.dataset"],
         config={name: content(config) for name, config in configs.items()},
         inputs={},

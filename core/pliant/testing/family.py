@@ -188,7 +188,7 @@ def couplings_are_possible(subject: Subject) -> None:
 
 
 def refinement_refines(subject: Subject) -> None:
-    """`refinement` multiplies the elements along each edge of the same body, or the family declares `refines = False`."""
+    """`refinement` multiplies the elements along each edge of the same body, or the family says `refines = False`."""
     if not subject.build().refines:
         require_refused(
             lambda: subject.build().problem(refinement=2),
@@ -276,6 +276,33 @@ def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
     )
     finding = _mesh_finding(piece)
     require(finding is None, f"in the piece for the main axis alone, {finding}")
+
+
+def regions_are_cells_of_the_mesh(subject: Subject) -> None:
+    """`mesh.regions` are the family's `regions`: cells of the mesh, none in two."""
+    family: ActuatorFamily = subject.build()
+    mesh = _problem(subject).mesh
+    names = f"the family's regions are {list(family.regions)}, the mesh's {list(mesh.regions)}"
+    require(set(family.regions) == set(mesh.regions), names)
+    for name, cells in mesh.regions.items():
+        inside = len(cells) and np.min(cells) >= 0 and np.max(cells) < len(mesh.cells)
+        require(inside, f"region '{name}' is empty or names a cell that does not exist")
+    every = np.concatenate([np.zeros(0, np.int64), *mesh.regions.values()])
+    require(len(np.unique(every)) == len(every), "a cell is in two regions, or twice in one")
+
+
+def mass_counts_regions_with_their_density(subject: Subject) -> None:
+    """`mass(density, regions)` gives each region's cells their own density."""
+    family: ActuatorFamily = subject.build()
+    problem = _problem(subject)
+    volumes = cell_volumes(problem.mesh.nodes_m, problem.mesh.cells)
+    for name, cells in problem.mesh.regions.items():
+        even = dict.fromkeys(family.regions, DENSITY)
+        masses = (family.mass(DENSITY, own) for own in (even, {**even, name: DENSER * DENSITY}))
+        light, heavy = (mass.start.mass_kg + mass.end.mass_kg for mass in masses)
+        more = (DENSER - 1) * DENSITY * problem.energy_scale * float(volumes[cells].sum())
+        finding = f"the mass (kg) that a denser region '{name}' adds is not that of its cells"
+        agree(heavy - light, more, finding, rtol=VOLUME_TOLERANCE)
 
 
 def mass_scales_with_density(subject: Subject) -> None:

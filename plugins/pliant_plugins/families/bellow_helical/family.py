@@ -8,13 +8,14 @@ alone. In its mass: the part of the rod inside the cavity.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from pliant.errors import InvalidDesignError
-from pliant.meshing.masses import mirrored
+from pliant.meshing.masses import UNIFORM, mirrored
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import Closing, ModuleMesh, ModuleProblem, Ribbon
 from pliant.records.law import JointKind
@@ -170,9 +171,9 @@ class BellowHelical(MidSurfaceBellow):
         """The constraint's part inside the cavity, as the study's masses have it."""
         return float(2 * thread_points(self.geometry)[1].sum())
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves: the wall by quadrature over the mesh, and the constraint."""
-        wall = super().mass(density_kg_m3)
+        wall = super().mass(density_kg_m3, regions)
         thread = thread_mass(self.geometry, density_kg_m3, self.offset_m)
         return ModuleMass(wall.start.joined(thread.start), wall.end.joined(thread.end))
 

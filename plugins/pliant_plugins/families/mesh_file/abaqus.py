@@ -34,7 +34,11 @@ def element_surfaces(path: Path, volumes: Mapping[str, IntArray]) -> dict[str, M
             continue
         if line.startswith("*"):
             kind, options = _card(line)
-            current = options.get("NAME") if kind == "SURFACE" and options.get("TYPE", "ELEMENT") == "ELEMENT" else None
+            current = (
+                options.get("NAME")
+                if kind == "SURFACE" and options.get("TYPE", "ELEMENT") == "ELEMENT"
+                else None
+            )
             solid = kind == "ELEMENT" and options.get("TYPE", "").startswith("C3D")
             kind = "SOLID" if solid else kind
             pending = []

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.errors import InvalidDesignError
+from pliant.errors import InvalidDesignError, closest
 from pliant.meshing.cells import boundary_faces, kind_of_faces
 from pliant.meshing.raising import as_quadratic, mirrored_y
 from pliant.records.design import Array
@@ -27,6 +27,8 @@ from pliant_plugins.families.mesh_file.quality import require_sound
 from pliant_plugins.families.mesh_file.reading import VolumeFile, read_volume
 from pliant_plugins.families.mesh_file.surfaces import Skin, named_faces, require_disjoint, require_watertight
 
+PLANES = ("start", "end", "symmetry")
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -39,6 +41,7 @@ class Wanted:
     tip: str
     cavity: str
     symmetry: str | None
+    regions: tuple[str, ...]
     line_height_m: float
     line_across_m: float
 
@@ -48,9 +51,9 @@ class FilePiece:
     """The piece that is solved.
 
     Attributes:
-        mesh: in the module frame, x from 0 to span, the reference line at y = z = 0. Node sets: `start`, `end`, `pin` (a
-            node of the start section, nearest to the line), `symmetry` (y = 0) where the piece is half the width, else
-            `level` (a node of the start section far above or below the pin).
+        mesh: in the module frame, x from 0 to span, the reference line at y = z = 0. Node sets: `start`, `end`, `pin`
+            (the start section's node nearest to the line), `symmetry` (y = 0) where the piece is half the width, else
+            `level` (the start section's node farthest above or below the pin).
         span_m: its length.
         symmetric: whether the piece is half the width.
         remarks: sentences for the user.
@@ -84,14 +87,16 @@ def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePi
     require_disjoint(chosen, file)
     nodes, span, lower = _placed(nodes, skin, chosen, wanted)
     sets = _node_sets(nodes, span, wanted.symmetry is not None)
-    ends = np.isin(np.arange(len(nodes)), np.concatenate([sets["start"], sets["end"], sets.get("symmetry", [])]))
-    require_watertight(nodes, skin, chosen[wanted.cavity], ends, wanted.cavity)
+    planes = [np.isin(np.arange(len(nodes)), sets[name]) for name in PLANES if name in sets]
+    require_watertight(nodes, skin, chosen[wanted.cavity], planes, wanted.cavity)
     wetted = np.sort(skin.corners[chosen[wanted.cavity]], axis=1)
     if lower:
         nodes, cells = mirrored_y(nodes, cells)
-    mesh = _mesh(nodes, cells, wetted, sets)
+    mesh = replace(_mesh(nodes, cells, wetted, sets), regions=_regions(file, wanted.regions))
     _require_hollow(mesh, wanted.cavity)
-    return FilePiece(mesh, span, wanted.symmetry is not None, _remarks(file, len(cells), poor))
+    return FilePiece(
+        mesh, span, wanted.symmetry is not None, _remarks(file, len(cells), poor, wanted.regions)
+    )
 
 
 def _quadratic(file: VolumeFile, nodes: Array) -> tuple[Array, VolumeFile, IntArray]:
@@ -151,15 +156,43 @@ def _require_hollow(mesh: ModuleMesh, name: str) -> None:
     points, normals = kind_of_faces(mesh.cavity).face_quadrature(mesh.nodes_m, mesh.cavity)
     if -float(np.sum(points[..., 1] * normals[..., 1])) <= 0:
         raise InvalidDesignError(
-            f"surface '{name}' encloses no hollow: the solid lies on its inner side; name the chamber's wall, not the skin."
+            f"surface '{name}' encloses no hollow: the solid lies on its inner side; name the chamber's wall, not the "
+            "skin."
         )
 
 
-def _remarks(file: VolumeFile, count: int, poor: str | None) -> tuple[str, ...]:
-    raised = {
-        "tetra": f"the {count} tetrahedra of '{file.name}' are of first order; they are raised to second order, their edges "
-        "staying straight.",
-        "hexahedron": f"the {count} hexahedra of '{file.name}' are of first order; they are raised to second order, their "
-        "edges staying straight.",
-    }
-    return tuple(remark for remark in (raised.get(file.kind), poor) if remark)
+def _regions(file: VolumeFile, names: tuple[str, ...]) -> dict[str, IntArray]:
+    """Cells of the named volumes. Raises `InvalidDesignError` for one that the file lacks, or two that share cells."""
+    taken = np.zeros(len(file.cells), int)
+    for name in names:
+        if name not in file.volumes:
+            known = ", ".join(sorted(file.volumes)) or "none"
+            raise InvalidDesignError(
+                f"mesh file '{file.name}' has no volume '{name}', which family.regions names"
+                f"{closest(name, file.volumes)} Its volumes: {known}."
+            )
+        taken[file.volumes[name]] += 1
+    if np.any(taken > 1):
+        raise InvalidDesignError(
+            f"family.regions of '{file.name}': {int((taken > 1).sum())} cells belong to two regions; a cell is of one "
+            "material."
+        )
+    return {name: file.volumes[name] for name in names}
+
+
+def _remarks(file: VolumeFile, count: int, poor: str | None, regions: tuple[str, ...]) -> tuple[str, ...]:
+    parts = [name for name, own in file.volumes.items() if len(own) < len(file.cells) and "=" not in name]
+    one = None
+    if parts and not regions:
+        one = (
+            f"'{file.name}' names the volumes {', '.join(sorted(parts))}, all taken as one material; 'regions' of "
+            "the family gives some of them their own."
+        )
+    names = {"tetra": "tetrahedra", "hexahedron": "hexahedra"}
+    raised = None
+    if file.kind in names:
+        raised = (
+            f"the {count} {names[file.kind]} of '{file.name}' are of first order; they are raised to second order, "
+            "their edges staying straight."
+        )
+    return tuple(remark for remark in (raised, poor, one) if remark)

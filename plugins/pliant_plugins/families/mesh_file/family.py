@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -11,7 +12,7 @@ from pydantic import Field, field_validator
 
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.meshing.masses import half_masses, split_masses
+from pliant.meshing.masses import UNIFORM, half_masses, split_masses
 from pliant.meshing.surfaces import half_boxes, half_skins, split_boxes, split_skins
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
@@ -28,8 +29,8 @@ DIGITS = 16  # of the file's digest
 class MeshFileConfig(FamilyConfig):
     """A module, or the half of it toward the tip, as a volume mesh with named surfaces.
 
-    `base` and `tip` are planes across the chain, `cavity` is the chamber's whole wall, `symmetry` the plane in which the
-    other half of the width is the mirror image. The reference line runs along the chain through (`line_across`,
+    `base` and `tip` are planes across the chain, `cavity` is the chamber's whole wall, `symmetry` the plane in which
+    the other half of the width is the mirror image. The reference line runs along the chain through (`line_across`,
     `line_height`) in the file's frame; joint angles are about it.
     """
 
@@ -42,20 +43,27 @@ class MeshFileConfig(FamilyConfig):
     )
     part: Literal["whole", "half"] = Field(
         default="whole",
-        description="whole: the mesh is a module from end to end; half: it is the half from the module's mid-plane, its "
-        "base, to the tip, and the other half is its mirror image",
+        description="whole: the mesh is a module from end to end; half: it is the half from the module's mid-plane, "
+        "its base, to the tip, and the other half is its mirror image",
     )
     base: str = Field(default="base", description="name of the surface toward the chain's base")
     tip: str = Field(default="tip", description="name of the surface toward the chain's tip")
     cavity: str = Field(default="cavity", description="name of the chamber's wall")
     symmetry: str | None = Field(
-        default=None, description="name of the mirror plane that holds the chain's direction and `up`, if the mesh is cut there"
+        default=None,
+        description="name of the mirror plane that holds the chain's direction and `up`, if the mesh is cut there",
+    )
+    regions: tuple[str, ...] = Field(
+        default=(),
+        description="names of the file's volumes that are of another material than the rest, each given under "
+        "`material.regions`",
     )
     line_height_m: Length = Field(
         default=0.0, description="height of the reference line: the file's coordinate along `up`"
     )
     line_across_m: Length = Field(
-        default=0.0, description="the same across the chain, along up × along; with `symmetry` the line lies in that plane"
+        default=0.0,
+        description="the same across the chain, along up × along; with `symmetry` the line lies in that plane",
     )
 
     @field_validator("cavity", mode="before")
@@ -89,13 +97,19 @@ class MeshFile(ActuatorFamily):
     def design(self) -> Design:
         """The parameters, the file by its name and content."""
         known = super().design
-        own = {"file": self.config.file.name, "file_sha256": self._digest[:DIGITS]}
+        own: dict[str, Any] = {"file": self.config.file.name, "file_sha256": self._digest[:DIGITS]}
+        own["regions"] = ",".join(self.config.regions) or None
         return Design(known.family, {k: v for k, v in {**known.parameters, **own}.items() if v is not None})
 
     @cached_property
     def _digest(self) -> str:
         with self.config.file.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
+
+    @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The file's volumes that the study names."""
+        return self.config.regions
 
     @cached_property
     def piece(self) -> FilePiece:
@@ -109,6 +123,7 @@ class MeshFile(ActuatorFamily):
             config.tip,
             config.cavity,
             config.symmetry,
+            config.regions,
             config.line_height_m,
             config.line_across_m,
         )
@@ -130,7 +145,8 @@ class MeshFile(ActuatorFamily):
         """The piece between plane end sections, pinned on its start section against rigid motions."""
         if refinement != 1:
             raise UserError(
-                f"family 'mesh_file' cannot refine: fem.refinement is {refinement}, the mesh is the file's; make a finer file."
+                f"family 'mesh_file' cannot refine: fem.refinement is {refinement}, the mesh is the file's; make a "
+                "finer one."
             )
         piece = self.piece
         along, across = (2.0 if self._half else 1.0), (2.0 if piece.symmetric else 1.0)
@@ -144,12 +160,12 @@ class MeshFile(ActuatorFamily):
             fixed={"start": (0,), "end": (0,), **supports},
         )
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves, by quadrature over the mesh and its mirror images."""
         piece = self.piece
         if self._half:
-            return half_masses(piece.mesh, density_kg_m3, piece.symmetric)
-        return split_masses(piece.mesh, piece.span_m, density_kg_m3, piece.symmetric)
+            return half_masses(piece.mesh, density_kg_m3, piece.symmetric, regions)
+        return split_masses(piece.mesh, piece.span_m, density_kg_m3, piece.symmetric, regions)
 
     def surface(self) -> HalfSurfaces:
         """The skin of the mesh and its mirror images."""

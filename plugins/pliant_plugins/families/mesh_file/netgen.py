@@ -64,7 +64,9 @@ def write_netgen(mesh: Any, path: Path) -> None:
     # one number for each name: several faces may share one
     tags = {name: tag for tag, name in enumerate(sorted({(d, n) for (_, d), n in names.items()}), start=1)}
     groups = [
-        np.array([tags.get((dimension, names.get((k, dimension), "")), 0) for k in members.tolist()], np.int64)
+        np.array(
+            [tags.get((dimension, names.get((k, dimension), "")), 0) for k in members.tolist()], np.int64
+        )
         for members, dimension in ((solid_groups, 3), (face_groups, 2))
     ]
     out = meshio.Mesh(

@@ -39,19 +39,21 @@ def require_sound(nodes_m: Array, cells: IntArray, name: str) -> str | None:
     inverted = np.flatnonzero(quality <= 0)
     if len(inverted) == len(cells):
         raise InvalidDesignError(
-            f"all {len(cells)} cells of '{name}' are inverted: their nodes run the other way round; export the mesh with "
-            "right-handed cells."
+            f"all {len(cells)} cells of '{name}' are inverted: their nodes run the other way round; export the mesh "
+            "with right-handed cells."
         )
     if len(inverted):
+        where = _place(nodes_m, cells, inverted)
         raise InvalidDesignError(
-            f"{len(inverted)} of {len(cells)} cells of '{name}' are inverted, the first at {_place(nodes_m, cells, inverted)}; "
+            f"{len(inverted)} of {len(cells)} cells of '{name}' are inverted, the first at {where}; "
             "use a finer mesh where curved walls are thin, or cells of first order."
         )
     flat = np.flatnonzero(quality < WORST)
     if len(flat):
         raise InvalidDesignError(
-            f"{len(flat)} of {len(cells)} cells of '{name}' are flat (scaled Jacobian {quality.min():.2g}, at least {WORST:g} "
-            f"is needed), the first at {_place(nodes_m, cells, flat)}; let the mesher optimise the volume mesh."
+            f"{len(flat)} of {len(cells)} cells of '{name}' are flat (scaled Jacobian {quality.min():.2g}, at least "
+            f"{WORST:g} is needed), the first at {_place(nodes_m, cells, flat)}; let the mesher optimise "
+            "the volume mesh."
         )
     _require_one_body(nodes_m, cells, name)
     poor = int((quality < POOR).sum())

@@ -1,9 +1,9 @@
 """Volume meshes from files by meshio: nodes, solid cells of one kind, named surfaces and named volumes.
 
-A name stands for a surface where it is a set of triangles or quadrilaterals (a physical group of gmsh, an element set of
-Abaqus, a value of an integer cell array of a .vtu, named `array=value`), or a set of nodes (an Abaqus NSET, a point array
-of a .vtu that is not zero there): then the faces are those whose corners all belong to it. A name of a set of solid
-cells stands for a volume.
+A name stands for a surface where it is a set of triangles or quadrilaterals (a physical group of gmsh, an element set
+of Abaqus, a value of an integer cell array of a .vtu, named `array=value`), or a set of nodes (an Abaqus NSET, an
+integer point array of a .vtu that is not zero there): then the faces are those whose corners all belong to it. A name
+of a set of solid cells stands for a volume.
 """
 
 from __future__ import annotations
@@ -55,8 +55,9 @@ class VolumeFile:
 
     @property
     def surface_names(self) -> list[str]:
-        """Names that may stand for a surface."""
-        return sorted({*self.faces, *self.node_sets})
+        """Names that may stand for a surface; values of arrays only where there are no others."""
+        names = sorted({*self.faces, *self.node_sets})
+        return [name for name in names if "=" not in name] or names
 
 
 def read_volume(path: Path) -> VolumeFile:
@@ -72,8 +73,8 @@ def read_volume(path: Path) -> VolumeFile:
     kinds = {mesh.cells[k].type for k in solids}
     if not kinds:
         raise InvalidDesignError(
-            f"mesh file '{path.name}' holds no solid cells, only {_listed(b.type for b in mesh.cells)}; mesh the volume, "
-            "not its surface."
+            f"mesh file '{path.name}' holds no solid cells, only {_listed(b.type for b in mesh.cells)}; mesh the "
+            "volume, not its surface."
         )
     if len(kinds) > 1 or not kinds <= set(SOLID):
         raise InvalidDesignError(
@@ -97,8 +98,8 @@ def require_file(path: Path) -> None:
     """Raise `UserError` unless it is a file of a format that is read."""
     if path.suffix.lower() not in FORMATS:
         raise UserError(
-            f"family.file '{path.name}' is none of {', '.join(FORMATS)} (gmsh, VTK, Abaqus); docs/your_cad_file.md shows "
-            "how a STEP or STL file is meshed."
+            f"family.file '{path.name}' is none of {', '.join(FORMATS)} (gmsh, VTK, Abaqus); docs/your_cad_file.md "
+            "shows how a STEP or STL file is meshed."
         )
     if not path.is_file():
         beside = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
@@ -116,7 +117,9 @@ def _read(path: Path) -> Any:
         raise
     except (Exception, SystemExit) as error:  # meshio's readers raise whatever a broken file makes them raise
         why = " ".join(str(error).split())[:120] or type(error).__name__
-        raise UserError(f"mesh file '{path.name}' could not be read as {FORMATS[path.suffix.lower()]}: {why}") from error
+        raise UserError(
+            f"mesh file '{path.name}' could not be read as {FORMATS[path.suffix.lower()]}: {why}"
+        ) from error
 
 
 def _dimension(kind: str) -> int:
@@ -160,7 +163,9 @@ def _sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
             if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
                 continue
             for value in np.unique(values).tolist():
-                group = names.get((value, _dimension(mesh.cells[k].type))) if array == "gmsh:physical" else None
+                group = (
+                    names.get((value, _dimension(mesh.cells[k].type))) if array == "gmsh:physical" else None
+                )
                 yield group or f"{array}={value}", k, np.flatnonzero(values == value)
 
 

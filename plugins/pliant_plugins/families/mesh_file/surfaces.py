@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,8 +59,8 @@ def named_faces(file: VolumeFile, skin: Skin, name: str, role: str) -> NDArray[n
         lost = len(wanted) - int(found.sum())
         if lost:
             raise InvalidDesignError(
-                f"surface '{name}' ({role}) of '{file.name}': {lost} of its {len(wanted)} faces are no outer faces of the "
-                "solid; mesh surface and volume together, so that they share their nodes."
+                f"surface '{name}' ({role}) of '{file.name}': {lost} of its {len(wanted)} faces are no outer faces of "
+                "the solid; mesh surface and volume together, so that they share their nodes."
             )
         return found
     if name in file.node_sets:
@@ -71,10 +71,12 @@ def named_faces(file: VolumeFile, skin: Skin, name: str, role: str) -> NDArray[n
             )
         return found
     known = file.surface_names
-    listed = ", ".join(known[:12]) if known else "none: name them where the mesh is made (docs/your_cad_file.md)"
+    listed = (
+        ", ".join(known[:12]) if known else "none: name them where the mesh is made (docs/your_cad_file.md)"
+    )
     raise InvalidDesignError(
-        f"mesh file '{file.name}' has no surface '{name}', which family.{role} names{closest(name, known)} Its surfaces: "
-        f"{listed}."
+        f"mesh file '{file.name}' has no surface '{name}', which family.{role} names{closest(name, known)} Its "
+        f"surfaces: {listed}."
     )
 
 
@@ -90,26 +92,29 @@ def require_disjoint(chosen: Mapping[str, NDArray[np.bool_]], file: VolumeFile) 
                 )
 
 
-def require_watertight(nodes_m: Array, skin: Skin, cavity: NDArray[np.bool_], open_at: NDArray[np.bool_], name: str) -> None:
+def require_watertight(
+    nodes_m: Array, skin: Skin, cavity: NDArray[np.bool_], planes: Sequence[NDArray[np.bool_]], name: str
+) -> None:
     """Raise `InvalidDesignError` where the cavity has an edge that no plane closes.
 
     Args:
         nodes_m: in the module frame.
         skin: outer faces.
         cavity: (g,) which of them are wetted.
-        open_at: (n,) nodes on the end sections and the mirror plane, where neighbours and mirror images go on.
+        planes: (n,) which nodes lie on each end section and mirror plane, where neighbours and mirror images go on.
         name: the surface's, for messages.
     """
     round_ = skin.faces[cavity][:, CORNERS[skin.faces.shape[1]]]
     edges = np.sort(np.stack([round_, np.roll(round_, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     loose = unique[count == 1]
-    loose = loose[~open_at[loose].all(axis=1)]
+    for on_plane in planes:
+        loose = loose[~on_plane[loose].all(axis=1)]
     if len(loose):
         at = "; ".join(_place(nodes_m[edge].mean(axis=0)) for edge in loose[:FEW])
         raise InvalidDesignError(
-            f"the cavity '{name}' leaks: {len(loose)} edges of it belong to no second face of it and lie on no end section "
-            f"or symmetry plane, the first at {at}; add the faces that are missing to the surface."
+            f"the cavity '{name}' leaks: {len(loose)} edges of it belong to no second face of it and lie on no end "
+            f"section or symmetry plane, the first at {at}; add the faces that are missing to the surface."
         )
 
 

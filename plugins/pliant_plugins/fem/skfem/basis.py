@@ -28,7 +28,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from pliant.errors import ContractError
-from pliant.meshing.cells import kind_of
+from pliant.meshing.cells import kind_of, kind_of_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.fem.config import Dilatation
@@ -140,9 +140,12 @@ TETRAHEDRON = Element(
 )
 
 
-def element_of(mesh: ModuleMesh) -> Element:
+ELEMENTS = {"27-node hexahedra": HEXAHEDRON, "10-node tetrahedra": TETRAHEDRON}
+
+
+def element_of(cells: IntArray) -> Element:
     """The elements of a mesh's cells. Raises `ContractError` for cells of another kind."""
-    return TETRAHEDRON if kind_of(mesh.cells).nodes == len(TETRAHEDRON.order) else HEXAHEDRON
+    return ELEMENTS[kind_of(cells).name]
 
 
 def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
@@ -151,7 +154,7 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     Tetrahedra have no pressures of their own: quadratic ones with one or four per cell lock or are not stable, so that
     *cell* means continuous pressures there.
     """
-    of = element_of(mesh)
+    of = element_of(mesh.cells)
     element, count = of.solid, of.vertices
     nodes = np.ascontiguousarray(mesh.cells[:, of.order])
     vertices, corners = np.unique(nodes[:, :count], return_inverse=True)
@@ -177,12 +180,11 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     return CellData(nodes, np.ascontiguousarray(gradient), value, weight, pressure)
 
 
-def face_data(mesh: ModuleMesh) -> FaceData:
-    """Tabulate the cavity's faces."""
-    of = element_of(mesh)
+def face_data(faces: IntArray) -> FaceData:
+    """Tabulate faces, the cavity's or others. Raises `ContractError` for faces of another kind."""
+    of = ELEMENTS[kind_of_faces(faces).name]
     point, weight = get_quadrature(of.face_shape, ORDER)
     tables = [of.face.lbasis(point, i) for i in range(len(of.face_order))]
     value = np.stack([value for value, _ in tables], axis=-1)
     slope = np.stack([slope for _, slope in tables], axis=-1).transpose(1, 0, 2)
-    faces = np.ascontiguousarray(mesh.cavity[:, of.face_order])
-    return FaceData(faces, np.ascontiguousarray(slope), value, weight)
+    return FaceData(np.ascontiguousarray(faces[:, of.face_order]), np.ascontiguousarray(slope), value, weight)
