@@ -64,7 +64,7 @@ def named_faces(file: VolumeFile, skin: Skin, name: str, role: str) -> NDArray[n
             )
         return found
     if name in file.node_sets:
-        found = np.isin(skin.corners, file.node_sets[name]).all(axis=1)
+        found = np.all(np.isin(skin.corners, file.node_sets[name]), axis=1)
         if not np.any(found):
             raise InvalidDesignError(
                 f"node set '{name}' ({role}) of '{file.name}' holds all corners of no outer face of the solid."
