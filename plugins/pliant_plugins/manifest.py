@@ -44,6 +44,19 @@ TENDON_JOINT = {
     "opening_angle": "0.02 rad",
 }
 EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
+PNEUNET = {
+    "module_length": "10 mm",
+    "width": "15 mm",
+    "height": "14 mm",
+    "wall": "1.5 mm",
+    "shell": "2 mm",
+    "gap": "1 mm",
+    "floor": "1.5 mm",
+    "bridge": "1.5 mm",
+    "channel_width": "2 mm",
+    "channel_height": "1.5 mm",
+    "layer": "1 mm",
+}
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
     f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
@@ -100,6 +113,14 @@ def _modules() -> list[Component]:
             example={"file": EXAMPLE_MESH, "unit": "mm", "part": "half", "symmetry": "symmetry"},
             requires=("meshio",),
             install="pip install 'pliant[fem]'",
+        ),
+        Component(
+            interface="family",
+            kind="pneunet",
+            config=f"{HERE}.families.pneunet.family:PneunetConfig",
+            implementation=f"{HERE}.families.pneunet.family:Pneunet",
+            summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
+            example=PNEUNET,
         ),
         Component(
             interface="material",
