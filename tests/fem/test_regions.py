@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.meshing.hexahedra import CENTRE
 from pliant.meshing.masses import half_masses, meshed_mass
 from pliant.meshing.stacking import mirrored_mesh, moved_mesh, welded_meshes
-from pliant.records.fem import ModuleMesh, ModuleProblem
-from pliant.testing.box import Y, Z, box_problem
+from pliant.records.fem import ModuleProblem
+from pliant.testing.box import Y, Z, box_problem, layered_box_problem
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
@@ -24,17 +23,6 @@ def rubber(factor: float = 1.0) -> NeoHookean:
     return NeoHookean(NeoHookeanConfig(shear_modulus_pa=factor * MU, poisson_ratio=NU))
 
 
-def layered(problem: ModuleProblem | None = None) -> ModuleProblem:
-    """The box with its floor as a region of its own."""
-    problem = problem or box_problem()
-    return replace(problem, mesh=with_floor(problem.mesh))
-
-
-def with_floor(mesh: ModuleMesh) -> ModuleMesh:
-    low = np.flatnonzero(mesh.nodes_m[mesh.cells[:, CENTRE], 2] < Z[1])
-    return replace(mesh, regions={"floor": low})
-
-
 def solver(problem: ModuleProblem, floor: float | None = None, **options: object) -> SkfemSolver:
     material = rubber() if floor is None else rubber().with_regions({"floor": rubber(floor)})
     config = SkfemConfig.model_validate({"kind": "skfem", "pressure_max_pa": PRESSURE_PA, **options})
@@ -42,7 +30,7 @@ def solver(problem: ModuleProblem, floor: float | None = None, **options: object
 
 
 def test_a_region_of_the_bodys_own_material_changes_no_bit() -> None:
-    plain, same = solver(box_problem()), solver(layered(), 1.0)
+    plain, same = solver(box_problem()), solver(layered_box_problem(), 1.0)
     a, b = (s.constrained(PRESSURE_PA, ANGLE_RAD, s.rest()) for s in (plain, same))
     assert np.array_equal(a.solution, b.solution)
     assert (a.moment_n_m, a.energy_j, a.dmoment_du) == (b.moment_n_m, b.energy_j, b.dmoment_du)
@@ -82,19 +70,19 @@ def composite(floor: float) -> tuple[float, float]:
 def test_small_bends_are_those_of_a_composite_beam(floor: float, dilatation: str) -> None:
     """Equal Poisson ratios: the beam's solution, σ = E(z) ε, is exact and in the space of the cells."""
     bending, _ = composite(floor)
-    rest = solver(layered(), floor, dilatation=dilatation).rest()
+    rest = solver(layered_box_problem(), floor, dilatation=dilatation).rest()
     assert rest.dmoment_du == pytest.approx(-bending / (2 * box_problem().span_m), rel=1e-6)
 
 
 def test_a_composite_bar_is_as_stiff_as_the_sum() -> None:
-    bar = replace(layered(), axes=("x",), main_axis="x", joint="prismatic")
+    bar = replace(layered_box_problem(), axes=("x",), main_axis="x", joint="prismatic")
     rest = solver(bar, 10.0).rest()
     assert rest.dmoment_du == pytest.approx(-composite(10.0)[1] / (2 * bar.span_m), rel=1e-6)
 
 
 def test_a_region_that_becomes_rigid_stops_what_it_holds() -> None:
     """The distance to the limit falls as 1 / stiffness; in the limit the floor keeps its length and shape."""
-    problem = layered()
+    problem = layered_box_problem()
     floor = np.unique(problem.mesh.cells[problem.mesh.regions["floor"]])
     angles, moves = [], []
     for factor in (1e3, 1e4, 1e5):
@@ -107,14 +95,14 @@ def test_a_region_that_becomes_rigid_stops_what_it_holds() -> None:
 
 
 def test_slopes_of_two_materials_are_exact() -> None:
-    made = solver(layered(), 10.0)
+    made = solver(layered_box_problem(), 10.0)
     state, step = made.constrained(PRESSURE_PA, ANGLE_RAD, made.rest()), 1e-3
     more, less = (made.constrained(PRESSURE_PA, ANGLE_RAD + s, state) for s in (step, -step))
     assert state.dmoment_du == pytest.approx((more.moment_n_m - less.moment_n_m) / (2 * step), rel=1e-5)
 
 
 def test_masses_count_each_region_with_its_density() -> None:
-    mesh = with_floor(box_problem().mesh)
+    mesh = layered_box_problem().mesh
     floor = Y[2] * Z[1] * box_problem().span_m
     wall = meshed_mass(mesh, 1.0).mass_kg - floor
     mass = half_masses(mesh, 1000.0, regions={"floor": 3000.0})
@@ -126,7 +114,7 @@ def test_masses_count_each_region_with_its_density() -> None:
 
 
 def test_regions_survive_mirroring_and_welding() -> None:
-    half = with_floor(box_problem().mesh)
+    half = layered_box_problem().mesh
     both = welded_meshes([mirrored_mesh(half), moved_mesh(half, 0.0)])
     weight = meshed_mass(both, 1.0, {"floor": 2.0}).mass_kg - meshed_mass(both, 1.0).mass_kg
     assert weight == pytest.approx(2 * Y[2] * Z[1] * box_problem().span_m, rel=1e-12)
@@ -138,6 +126,6 @@ def test_what_is_not_known_is_refused_by_name() -> None:
     with pytest.raises(UserError, match="fem 'skfem' does not know 'bottom_stiffness'"):
         backend.solver(strange, rubber())
     with pytest.raises(UserError, match="the region 'floor' .* has no material"):
-        backend.solver(layered(), rubber())
+        backend.solver(layered_box_problem(), rubber())
     with pytest.raises(UserError, match=r"'material.regions.flor' is no region .* did you mean 'floor'"):
-        backend.solver(layered(), rubber().with_regions({"flor": rubber()}))
+        backend.solver(layered_box_problem(), rubber().with_regions({"flor": rubber()}))

@@ -54,7 +54,9 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     cards.append("*SURFACE, NAME=CAVITY, TYPE=ELEMENT")
     cards += [f"{e + 1}, S{n}" for e, n in zip(elements, numbers, strict=True)]
     cards += [f"{e + 1 + len(model.cells)}, S1" for e in range(len(model.wedges))]
-    cards += ["*MATERIAL, NAME=RUBBER", *model.law, "*SOLID SECTION, ELSET=BODY, MATERIAL=RUBBER"]
+    for number, (cells, law) in enumerate(model.solids):
+        cards += [*_rows(f"*ELSET, ELSET=SOLID{number}", cells), f"*MATERIAL, NAME=RUBBER{number}", *law]
+        cards += [f"*SOLID SECTION, ELSET=SOLID{number}, MATERIAL=RUBBER{number}"]
     if len(model.wedges):
         cards += ["*MATERIAL, NAME=THIN", *model.cap_law, "*SOLID SECTION, ELSET=CAP, MATERIAL=THIN"]
     if model.plates.planes:
@@ -211,8 +213,13 @@ def _elements(kind: str, name: str, nodes: IntArray, first: int) -> list[str]:
 
 
 def _set(name: str, nodes: IntArray) -> list[str]:
-    rows = [nodes[k : k + PER_LINE] for k in range(0, len(nodes), PER_LINE)]
-    return [f"*NSET, NSET={name}", *[", ".join(str(i + 1) for i in row) for row in rows]]
+    return _rows(f"*NSET, NSET={name}", nodes)
+
+
+def _rows(card: str, numbers: IntArray) -> list[str]:
+    """A card and its numbers, given from 0."""
+    rows = [numbers[k : k + PER_LINE] for k in range(0, len(numbers), PER_LINE)]
+    return [card, *[", ".join(str(i + 1) for i in row) for row in rows]]
 
 
 def _continued(words: Sequence[str], width: int = PER_LINE) -> list[str]:

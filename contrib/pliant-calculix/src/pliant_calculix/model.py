@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.interfaces.by_region import solids_of
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
@@ -35,7 +36,7 @@ class Model:
         start_cap: closes it at the start section, or nothing: only reactions there need it.
         element: element type of the body.
         pa: 1 Pa in the deck's unit of stress.
-        law: `*HYPERELASTIC` card of the body.
+        solids: cells, numbered from 0, and `*HYPERELASTIC` card of the body and of each region.
         cap_law: that of the cap.
         plates: what walls meet in the mirror planes, nothing without contact.
         contact_stiffness: stress per mm of overclosure.
@@ -46,7 +47,7 @@ class Model:
     start_cap: Cap
     element: str
     pa: float
-    law: tuple[str, ...]
+    solids: tuple[tuple[IntArray, tuple[str, ...]], ...]
     cap_law: tuple[str, ...]
     plates: Plates
     contact_stiffness: float
@@ -162,18 +163,10 @@ def build_model(
     shear = cap_stiffness * material.shear_modulus_pa * pa
     bulk = 2 * shear * (1 + CAP_POISSON) / (3 * (1 - 2 * CAP_POISSON))
     cap_law = ("*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.10g}, {2 / bulk:.10g}")
+    solids = tuple((cells, tuple(hyperelastic(own, pa))) for cells, own in solids_of(problem.mesh, material))
     plates = build_plates(problem, len(nodes) + len(start_cap.nodes_m), contact)
-    return Model(
-        problem,
-        cap,
-        start_cap,
-        element,
-        pa,
-        tuple(hyperelastic(material, pa)),
-        cap_law,
-        plates,
-        STIFFNESS * material.shear_modulus_pa * pa,
-    )
+    stiffness = STIFFNESS * material.shear_modulus_pa * pa
+    return Model(problem, cap, start_cap, element, pa, solids, cap_law, plates, stiffness)
 
 
 def _check(problem: ModuleProblem) -> None:
@@ -187,8 +180,6 @@ def _check(problem: ModuleProblem) -> None:
             problem.joint not in ("revolute", "prismatic") or problem.axes != wanted
         ),
         "modules whose line may stretch, not inextensible ones": not problem.stretches,
-        "no ribbons or tendons": bool(problem.ribbons) or problem.tendon is not None,
-        "no tied or linked nodes": any(problem.tied.values()) or bool(problem.links),
         "pieces whose start and end sections stay plane (fixed: start and end in component 0)": (
             any(problem.fixed.get(name, ()) != (0,) for name in ("start", "end"))
         ),

@@ -9,6 +9,14 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 
 
+def solids_of(mesh: ModuleMesh, material: Material) -> tuple[tuple[IntArray, Material], ...]:
+    """Cells and law of each solid that has cells: the body, then the regions in their order."""
+    number = region_numbers(mesh)
+    laws = (material, *(material.regions[name] for name in mesh.regions))
+    parts = ((np.flatnonzero(number == place), own) for place, own in enumerate(laws))
+    return tuple((cells, own) for cells, own in parts if len(cells))
+
+
 def material_by_cell(mesh: ModuleMesh, material: Material) -> Material:
     """The material itself where the mesh has no regions, else the one that knows each cell's law."""
     return ByRegion(mesh, material) if mesh.regions else material
@@ -23,11 +31,7 @@ class ByRegion(Material):
     def __init__(self, mesh: ModuleMesh, material: Material) -> None:
         super().__init__(material.config)
         self.body, self.regions = material, material.regions
-        self._cells: list[tuple[IntArray, Material]] = [
-            (cells, material.regions[name]) for name, cells in mesh.regions.items()
-        ]
-        named = np.concatenate([cells for cells, _ in self._cells])
-        self._cells.append((np.setdiff1d(np.arange(len(mesh.cells)), named), material))
+        self._cells = solids_of(mesh, material)
         self._bulk = np.empty((len(mesh.cells), 1))
         for cells, own in self._cells:
             self._bulk[cells] = own.bulk_modulus_pa
