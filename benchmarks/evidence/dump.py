@@ -49,7 +49,11 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
         label = folder / f"{number:03d}_label.json"
         if label.exists():
             continue
-        made = make_set(task.spec, name=f"set-{number:03d}")
+        try:
+            made = make_set(task.spec, name=f"set-{number:03d}")
+        except RuntimeError as error:
+            yield f"{number:03d} {task.spec.kind}: no set, {error}"
+            continue
         write_atomically(folder / f"{number:03d}_study.yaml", made.study)
         write_atomically(folder / f"{number:03d}.csv", made.csv)
         write_atomically(label, json.dumps({"group": task.group, **made.label}, indent=1))

@@ -1,13 +1,14 @@
-"""How long a diagnosis takes, and how that grows with the number of samples.
+"""How long a diagnosis takes: of a usual recording, of a long one, and of many runs.
 
     OMP_NUM_THREADS=1 python -m benchmarks.evidence.speed     prints, and writes benchmarks/out/diagnosis_speed.json
 
-Two runs in which the pressure swings slowly, read from the joint of examples/hidden_effect made stiffer, with noise;
-every shipped effect is a candidate. The baseline is a tenth of the samples at the same rate, in the same process.
+All are read from the joint of examples/hidden_effect made stiffer, with noise; every shipped effect is a candidate. The
+baseline is the usual recording, that of the example, in the same process. The many runs have two worker processes.
 """
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Sequence
@@ -22,42 +23,69 @@ from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
 STUDY = ROOT / "examples" / "hidden_effect" / "finger.yaml"
-FEW, MANY = 10_000, 100_000
+CSV = STUDY.parent / "bench.csv"
+LONG = 100_000
+MANY, EACH = 1190, 168
 STEP_S = 0.1
 SWING_S = 9.0  # of the pressure's cosine, over 2 π
 PRESSURE_PA = 15e3
 STIFFER = 1.15
 NOISE_RAD = 2e-3
 OUTPUT = "angle_rad"
-LONGEST_S = 60.0
-# Linear in the samples, and half as much again.
-STEEPEST = 1.5 * MANY / FEW
+MOST_S = {"usual": 5.0, "long": 15.0, "many": 45.0}
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as store:
         opened = api.open_study(STUDY, store=store)
-        asked = {n: partial(api.diagnose, opened, measured(opened, n)) for n in (FEW, MANY)}
-        asked[FEW]()  # compiles what is not compiled yet
-        few, many = (seconds_of(asked[n], clock=time.perf_counter) for n in (FEW, MANY))
-    grown = ratio(many, few)
+        usual = api.read_measurement(opened, [CSV])
+        sets = {"usual": usual, "long": recorded(opened, swings()), "many": recorded(opened, holds())}
+        workers = {"usual": 1, "long": 1, "many": min(2, os.cpu_count() or 1)}
+        api.diagnose(opened, usual)  # compiles what is not compiled yet
+        taken = {
+            name: seconds_of(
+                partial(api.diagnose, opened, measurement, workers=workers[name]), clock=time.perf_counter
+            )
+            for name, measurement in sets.items()
+        }
+    counts = {name: measurement.n_samples for name, measurement in sets.items()}
     bars = [
-        Bar(f"diagnosis of {MANY} samples among all effects", many[0], LONGEST_S, "s"),
-        Bar(f"its time as a multiple of that of {FEW} samples", grown, STEEPEST, "×"),
+        Bar(f"diagnosis of {counts[name]} readings in {len(sets[name].runs)} runs", taken[name][0], most, "s")
+        for name, most in MOST_S.items()
     ]
-    write("diagnosis_speed", {"samples": [FEW, MANY], "seconds": [few[0], many[0]], "ratio": grown}, bars)
+    ratios = {name: ratio(taken[name], taken["usual"]) for name in ("long", "many")}
+    bars += [
+        Bar(f"{name} over usual", value, MOST_S[name] / MOST_S["usual"], "×")
+        for name, value in ratios.items()
+    ]
+    write("diagnosis_speed", {"readings": counts, "seconds": taken, "ratios": ratios}, bars)
 
 
-def measured(opened: api.OpenStudy, samples: int) -> Measurement:
-    """Two runs of half the samples each, as a stiffer joint reads them."""
-    clock = STEP_S * np.arange(samples // 2)
+def swings() -> list[History]:
+    """Two long runs in which the pressure swings slowly."""
+    clock = STEP_S * np.arange(LONG // 2)
     pressure = {"pressure_pa": PRESSURE_PA * (0.5 - 0.5 * np.cos(clock / SWING_S))}
-    runs = [History.of(pressure, clock, run=name, specimen="A") for name in ("one", "two")]
+    return [History.of(pressure, clock, run=name, specimen="A") for name in ("one", "two")]
+
+
+def holds() -> list[History]:
+    """Many short runs: up at one of five rates to one of forty levels, a hold, half the way down, a hold."""
+    clock, runs = STEP_S * np.arange(EACH), []
+    for k in range(MANY):
+        top, rise = PRESSURE_PA * (0.2 + 0.02 * (k % 40)), 1.0 + 0.6 * (k // 40 % 5)
+        turn = 0.6 * clock[-1]
+        pressure = np.interp(clock, [0.0, rise, turn, turn + rise], [0.0, top, top, 0.5 * top])
+        runs.append(History.of({"pressure_pa": pressure}, clock, run=f"r{k}", specimen="A"))
+    return runs
+
+
+def recorded(opened: api.OpenStudy, runs: Sequence[History]) -> Measurement:
+    """The runs as a stiffer joint reads them."""
     stiffness = opened.bench.registry.get("effect", "stiffness").config_model()
     hidden = stiffness.model_validate({"kind": "stiffness", "factor": STIFFER})
-    truth = api.predictor(opened, read(runs, [np.zeros(len(clock)) for _ in runs])).predict((hidden,))
+    truth = api.predictor(opened, read(runs, [np.zeros(len(run)) for run in runs])).predict((hidden,))
     noise = np.random.default_rng(1)
-    return read(runs, [run[OUTPUT] + noise.normal(0, NOISE_RAD, len(clock)) for run in truth])
+    return read(runs, [run[OUTPUT] + noise.normal(0, NOISE_RAD, len(run[OUTPUT])) for run in truth])
 
 
 def read(runs: Sequence[History], angles: Sequence[Array]) -> Measurement:

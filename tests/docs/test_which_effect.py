@@ -40,6 +40,7 @@ def test_the_verdicts_and_thresholds_are_those_of_the_code():
     text = " ".join(PAGE.split())
     for said in (
         f"− {THRESHOLDS.effect:g} m ln(1 + c): Schwarz",
+        f"a third effect pays {THRESHOLDS.third_effect:g} more",
         f"any form, and pays {THRESHOLDS.unknown:g}",
         f"the evidences over {THRESHOLDS.temperature:g}",
         f"{THRESHOLDS.excited:g} noise floors, because the joint law",

@@ -157,7 +157,7 @@ def test_a_study_without_fem_gets_one_that_covers_table_and_task(tmp_path):
     assert default_fem(opened.bench, studies[:1]).pressure_max_pa == 15e3
     fem = default_fem(opened.bench, studies)
     assert fem.pressure_max_pa == pytest.approx(21e3)
-    assert fem.self_contact == "stop"
+    assert fem.self_contact == "end"
     direct, said = direct_studies(opened.bench, studies)
     assert [study.meta_model for study in direct] == [None, None]
     assert [study.fem.pressure_max_pa for study in direct] == [fem.pressure_max_pa] * 2

@@ -120,9 +120,9 @@ def test_laws_become_cards(build: Any) -> None:
     [
         ({"axes": ("x", "y", "z"), "joint": "spherical"}, "axes x, y, z"),
         ({"actuation": "tendon_force_n"}, "driven by pressure only"),
-        ({"ribbons": (Ribbon(0.0, 1.0),)}, "no ribbons"),
+        ({"ribbons": (Ribbon(0.0, 1.0),)}, "does not know 'ribbons'"),
         ({"stretches": False}, "not inextensible"),
-        ({"tied": {"end": (2,)}}, "no tied or linked"),
+        ({"tied": {"end": (2,)}}, "does not know 'ties'"),
         ({"fixed": {"start": (0,), "end": (0, 2)}}, "stay plane"),
     ],
 )

@@ -109,7 +109,7 @@ class FreeCurves:
     @property
     def similar(self) -> bool:
         """Whether curves depend on actuation over modulus alone."""
-        return not self.problem.ribbons
+        return not (self.problem.ribbons or self.problem.mesh.regions)
 
     def first_slope(self, config: MaterialConfig) -> float:
         """d(angle)/d(actuation) at rest: what small actuations need, without a curve."""
@@ -153,7 +153,7 @@ class FreeCurves:
         return built
 
     def _solver(self, config: MaterialConfig) -> ModuleSolver:
-        return self.backend.solver(self.problem, self._material(config))
+        return self.backend.checked_solver(self.problem, self._material(config))
 
 
 NODES = 160  # more rows than this are interpolated between so many computed stretches

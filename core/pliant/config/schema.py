@@ -35,6 +35,10 @@ def study_schema(registry: Registry) -> dict[str, Any]:
             "type": "array",
             "items": {"oneOf": _alternatives(by_interface, registry, interface)},
         }
+    if "RegionMaterials" in top["$defs"]:
+        top["$defs"]["RegionMaterials"] |= {
+            "additionalProperties": {"oneOf": by_interface.get("material", [])},
+        }
     properties["extends"] = {
         "description": "another study to start from; values_sha256 tells whether it has changed since",
         "oneOf": [

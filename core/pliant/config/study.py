@@ -180,7 +180,7 @@ def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
     for key, interface in BLOCKS.items():
         kind = _kind_of(raw.get(key))
         if kind is not None:
-            fields[key] = (registry.get(interface, kind).config_model(), ...)
+            fields[key] = (registry.config_model(interface, raw[key]), ...)
     for key, interface in BLOCK_LISTS.items():
         blocks = raw.get(key)
         if isinstance(blocks, list) and blocks and all(_kind_of(block) for block in blocks):

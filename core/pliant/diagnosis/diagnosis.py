@@ -60,6 +60,7 @@ from pliant.formatting import listed, whole_percent
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
 from pliant.measurements.repeats import repeat_groups
+from pliant.measurements.thinning import thinned
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
@@ -75,6 +76,7 @@ class Diagnosis:
     """What was found, and everything that it rests on.
 
     Attributes:
+        measurement: the readings that were judged: of long recordings a part, and none after unknown states.
         judgement: verdict, probabilities, selected effects, credible set, reasons.
         table, fits: every hypothesis that was fitted.
         scales: noise floor of each output, the unit of all residuals.
@@ -94,6 +96,7 @@ class Diagnosis:
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
+    measurement: Measurement
     judgement: Judgement
     table: EvidenceTable
     fits: Mapping[Kinds, EffectFit]
@@ -166,9 +169,12 @@ def diagnose(
     started = time.perf_counter()
     registry = predictor.bench.registry
     asked = candidate_kinds(registry, kinds)
-    plain = predictor.predict()
     known, unknown = with_known_states(predictor.measurement)
-    measurement, lost = _followed(known, plain)
+    short, shortened = thinned(known)
+    if shortened:
+        predictor = predictor.for_runs(short)
+    plain = predictor.predict()
+    measurement, lost = _followed(short, plain)
     readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
@@ -203,6 +209,7 @@ def diagnose(
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
     return Diagnosis(
+        measurement=measurement,
         judgement=judgement,
         table=table,
         fits=search.fits,
@@ -218,6 +225,7 @@ def diagnose(
         remarks=(
             *measurement.remarks,
             *unknown,
+            *shortened,
             *lost,
             *floor_remarks({name: floors[name] for name in predictor.outputs}),
             *not_tried,

@@ -80,6 +80,8 @@ class EvidenceThresholds:
         effect: log-odds that each further effect costs, times ln(1 + candidates), beside the ½ ln n_eff of each
             parameter (Schwarz 1978): the longer the list, the likelier one of it fits by chance (Scott & Berger, Ann.
             Statist. 38, 2010).
+        third_effect: log-odds that a third effect costs beyond that: three of a long list imitate almost anything that
+            is not in it.
         unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
         model_form_tolerance: share of what a hypothesis explains that may be left over because its equation is an
             idealisation: a further effect must explain more than that.
@@ -97,9 +99,10 @@ class EvidenceThresholds:
     """
 
     effect: float = 2.1
+    third_effect: float = 20.0
     unknown: float = 30.0
     model_form_tolerance: float = 0.03
-    unknown_form_tolerance: float = 0.08
+    unknown_form_tolerance: float = 0.05
     rival_form: float = 220.0
     temperature: float = 2.0
     believed: float = 0.9
@@ -108,16 +111,16 @@ class EvidenceThresholds:
     fewest: float = 12.0
     excited: float = 0.3
 
-    def per_effect(self, n_candidates: int) -> float:
-        """What one further effect costs when so many are tried."""
-        return self.effect * float(np.log1p(n_candidates))
+    def price(self, effects: int, n_candidates: int) -> float:
+        """What so many effects cost together when so many are tried."""
+        return self.effect * float(np.log1p(n_candidates)) * effects + self.third_effect * max(effects - 2, 0)
 
 
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
 # Share of that tolerance where forms vary: they have taken up the rest.
-BENT_SHARE = 0.5
+BENT_SHARE = 0.2
 # Half the number of independent ways in which a form may be wrong.
 COINCIDENCE = 2.0
 
@@ -127,13 +130,14 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
 
     −½ n_eff ln S* − ½ k ln n_eff − effect · ln(1 + candidates) · effects, S* the mean squared residual plus, for every
     hypothesis but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong
-    equations of the best simpler hypothesis may have left over.
+    equations of simpler hypotheses may have left over.
     """
-    n, price = max(table.noise.n_effective, 2.0), thresholds.per_effect(table.n_candidates)
+    n = max(table.noise.n_effective, 2.0)
     found = {}
     for kinds, row in table.rows.items():
         square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
-        paid = 0.5 * row.n_parameters * np.log(n) + price * len(kinds) + row.form_price
+        price = thresholds.price(len(kinds), table.n_candidates)
+        paid = 0.5 * row.n_parameters * np.log(n) + price + row.form_price
         found[kinds] = -0.5 * n * np.log(square) - paid
     _pay_rivals(table, found, n, thresholds)
     if table.noise.judged:
@@ -229,7 +233,9 @@ def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThr
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(floor + _left_over(table, kinds, thresholds), 1e-12)
     gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
-    return bool(gain > thresholds.per_effect(table.n_candidates) + 0.5 * np.log(n))
+    size = len(kinds)
+    price = thresholds.price(size + 1, table.n_candidates) - thresholds.price(size, table.n_candidates)
+    return bool(gain > price + 0.5 * np.log(n))
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:
@@ -254,10 +260,11 @@ def _left_over(
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
-    """What the best of all hypotheses with one effect less may leave: no merit of any further effect."""
-    if not kinds:
-        return 0.0
-    smaller = [key for key in table.rows if len(key) == len(kinds) - 1]
-    if not smaller:
-        return thresholds.excited**2
-    return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), thresholds)
+    """What hypotheses with fewer effects may leave, the best of each size: no merit of any further effect."""
+    left = [thresholds.excited**2] if kinds else [0.0]
+    for size in range(len(kinds)):
+        smaller = [key for key in table.rows if len(key) == size]
+        if smaller:
+            best = min(smaller, key=lambda key: table.rows[key].mean_square)
+            left.append(_left_over(table, best, thresholds))
+    return max(left)

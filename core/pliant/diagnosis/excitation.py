@@ -140,7 +140,7 @@ def detectable(
     It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs.
     """
     odds = thresholds.temperature * np.log(thresholds.believed / (1.0 - thresholds.believed))
-    price = 2.0 * (thresholds.per_effect(len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
+    price = 2.0 * (thresholds.price(1, len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []
     for one in found.values():

@@ -130,6 +130,8 @@ MOST_REFINED = 2
 NEGLIGIBLE = 0.1
 # Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
 NEAR_NOTHING = 0.05
+# Noise floors by which a reading may change with a parameter; more is a joint that is about to fold.
+STEEPEST = 1e9
 # Share of the readings at which a trial may lose its equilibrium and still be compared.
 MOST_LOST = 0.02
 
@@ -293,10 +295,11 @@ class _ReadingMisfit:
         prediction, changes = predictor.vary(self.candidate.configs(x), towards)
         residual = readings.values - readings.pack(prediction.runs)
         slopes = np.zeros((len(residual), len(x)))
-        for (k, step), change in zip(steps.items(), changes, strict=True):
-            slopes[:, k] = readings.pack(change) / step
-        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
-            lost = ~(np.isfinite(residual) & np.all(np.isfinite(slopes), axis=1))
+        with np.errstate(over="ignore"):
+            for (k, step), change in zip(steps.items(), changes, strict=True):
+                slopes[:, k] = readings.pack(change) / step
+        lost = ~(np.isfinite(residual) & np.all(np.abs(slopes) < STEEPEST, axis=1))
+        if lost.any():
             if lost.mean() > MOST_LOST:
                 return _LinearPoint(x, residual, np.inf, slopes)
             residual, slopes = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slopes)
@@ -332,18 +335,18 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     prior = np.diag(pull)
     # a form that the other readings do not know is the plain one, which is known
     forms = np.diag([parameter.pull * parameter.is_form for parameter in fit.candidate.parameters])
-    whole = fit.slopes.T @ fit.slopes
+    whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
     left = fit.residual.copy()
-    for group in np.unique(groups):
-        mine = groups == group
-        slopes, residual = fit.slopes[~mine], fit.residual[~mine]
-        normal = slopes.T @ slopes
+    order = np.argsort(groups, kind="stable")
+    for mine in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
+        slopes, residual = fit.slopes[mine], fit.residual[mine]
+        normal = whole - slopes.T @ slopes
         known = np.linalg.solve(whole + prior, normal + forms)
         if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
-        move = _bounded(normal + prior, slopes.T @ residual - pull * fit.x, low - fit.x, high - fit.x)
-        left[mine] -= fit.slopes[mine] @ move
+        right = pulled - slopes.T @ residual - pull * fit.x
+        left[mine] -= slopes @ _bounded(normal + prior, right, low - fit.x, high - fit.x)
     return left
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,6 +11,7 @@ from pydantic import Field
 
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.meshing.masses import UNIFORM
 from pliant.meshing.surfaces import half_boxes, half_skins
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
@@ -48,6 +50,9 @@ class ActuatorFamily(Configured[FamilyConfig]):
     axes: ClassVar[tuple[str, ...]] = ("y",)
     main_axis: ClassVar[str] = "y"
     actuation: ClassVar[str] = "pressure_pa"  # or "tendon_force_n"
+    refines: ClassVar[bool] = True  # False: `problem` refuses any other refinement than 1
+    # Names of the mesh's regions, each of a material of its own; a family that knows them by its config overrides this.
+    regions: tuple[str, ...] = ()
 
     @property
     def design(self) -> Design:
@@ -75,10 +80,15 @@ class ActuatorFamily(Configured[FamilyConfig]):
         """The boundary-value problem of one module.
 
         Args:
-            refinement: multiplies the elements along each edge.
+            refinement: multiplies the elements along each edge; a family that cannot (`refines = False`) raises
+                `UserError` for any other than 1.
             axes: the axes that shall move, the main one among them, all others staying at zero: a family of
                 several axes may then solve a smaller piece. By default all of them.
         """
+
+    def remarks(self) -> tuple[str, ...]:
+        """What the user should know of the design, a sentence each; said once, where its FEM data are made."""
+        return ()
 
     def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
         """Several modules as one body, clamped at the base, closed at the tip, for direct FEM of a chain.
@@ -96,5 +106,8 @@ class ActuatorFamily(Configured[FamilyConfig]):
         return half_skins(self.problem().mesh)
 
     @abstractmethod
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        """Masses of the two halves about the joint at mid-module, in the module frame."""
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
+        """Masses of the two halves about the joint at mid-module, in the module frame.
+
+        `regions` are the densities of the family's regions; it is given where there are any.
+        """

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_serializer, field_validator, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig, Configured
-from pliant.interfaces.material import Material
+from pliant.interfaces.material import Material, require_regions
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
@@ -71,15 +71,25 @@ class FemConfig(ComponentConfig):
         default=8, ge=0, le=512, description="several axes: states that hold all of them"
     )
     check_states: int = Field(default=8, ge=0, le=512, description="extra states that are never fitted")
-    self_contact: Literal["stop", "pass"] = Field(
-        default="stop",
-        description="stop: data and law end where convolutions touch, since there is no contact in the model; "
-        "pass: they go through each other, as in the published solver's data",
+    self_contact: Literal["solve", "end", "pass"] = Field(
+        default="end",
+        description="end: data and law end where convolutions touch; solve: walls that touch hold each other, without "
+        "friction, and states beyond are data; pass: they go through each other, as in the published solver's data",
     )
     angle_low: Ratio = Field(default=-0.5, le=0, description="smallest angle / largest free angle")
     angle_high: Ratio = Field(default=1.2, ge=1, description="largest angle / largest free angle")
     refinement: int = Field(default=1, ge=1, le=4, description="multiplies the elements along each edge")
     seed: int = Field(default=0, ge=0, description="places the check states")
+
+    @field_validator("self_contact", mode="before")
+    @classmethod
+    def _earlier_name(cls, value: Any) -> Any:
+        return "end" if value == "stop" else value
+
+    @field_serializer("self_contact")
+    def _kept_name(self, value: str) -> str:
+        """Stores name results by the config: what was solved under the earlier name is found."""
+        return "stop" if value == "end" else value
 
     @model_validator(mode="before")
     @classmethod
@@ -193,7 +203,36 @@ class StructureSolver(ABC):
 
 
 class FEMBackend(Configured[FemConfig]):
-    """A finite-element code. The FEM stage calls `solver` once per design."""
+    """A finite-element code. The FEM stage calls `solver` once per piece of a design, after `check`.
+
+    `knows` are the requirements (`ModuleProblem.requirements`) that it can solve; what it does not name is refused.
+    "contact" is required by `fem.self_contact: solve`: states in which walls hold each other have the status
+    "touching".
+    """
+
+    knows: ClassVar[frozenset[str]] = frozenset()
+
+    def check(self, problem: ModuleProblem, material: Material) -> None:
+        """Raise `UserError` for a requirement, contact too, that this backend lacks, or a region without a material."""
+        unknown = sorted(problem.requirements - self.knows)
+        if unknown:
+            named = ", ".join(f"'{name}'" for name in unknown)
+            known = ", ".join(sorted(self.knows)) or "none"
+            raise UserError(
+                f"fem '{self.config.kind}' does not know {named}, which this family's module requires; "
+                f"it knows {known}."
+            )
+        if self.config.self_contact == "solve" and "contact" not in self.knows:
+            raise UserError(
+                f"fem '{self.config.kind}' does not solve contact, which 'self_contact: solve' asks for; use fem.kind "
+                "'skfem', or 'self_contact: end'."
+            )
+        require_regions(problem.mesh.regions, material.regions)
+
+    def checked_solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
+        """`solver`, where the backend knows all that the problem requires. Raises as `check` does."""
+        self.check(problem, material)
+        return self.solver(problem, material)
 
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:

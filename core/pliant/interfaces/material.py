@@ -2,21 +2,88 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Self
 
-from pydantic import Field
+from pydantic import Field, create_model, field_validator, model_serializer
 
-from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.errors import UserError, closest
+from pliant.interfaces.base import ComponentConfig, Configured, FrozenModel
 from pliant.mechanics.homogeneous import stability_remarks
 from pliant.records.design import Array
 from pliant.units import Density
 
 
+class RegionMaterials(FrozenModel):
+    """Materials of regions, a key for each; a study's have the fields that its block names (`with_regions`)."""
+
+    def named(self) -> dict[str, MaterialConfig]:
+        """Region → the config of its material."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
+
 class MaterialConfig(ComponentConfig):
-    """Base of a material's config: constants in Pa and the density."""
+    """Base of a material's config: constants in Pa and the density; materials of the module's regions."""
 
     density_kg_m3: Density = Field(default=1150.0, gt=0, description="mass per volume at rest")
+    regions: RegionMaterials | None = Field(
+        default=None,
+        description="for a family with regions: the material of each by name, `{layer: {kind: neo_hookean, …}}`",
+    )
+
+    @field_validator("regions")
+    @classmethod
+    def _one_level(cls, regions: RegionMaterials | None) -> RegionMaterials | None:
+        """No region within a region."""
+        for name, config in (regions.named() if regions else {}).items():
+            if config.regions is not None:
+                raise ValueError(
+                    f"the material of region '{name}' has regions of its own, which mean nothing"
+                )
+        return regions
+
+    @model_serializer(mode="wrap")
+    def _without_empty_regions(self, handler: Any) -> Any:
+        """A material without regions has the values, and results the keys, that they always had."""
+        values = handler(self)
+        if isinstance(values, dict) and values.get("regions", 0) is None:
+            del values["regions"]
+        return values
+
+    def of_regions(self) -> dict[str, MaterialConfig]:
+        """Region → the config of its material."""
+        return self.regions.named() if self.regions else {}
+
+
+def require_regions(names: Iterable[str], given: Iterable[str]) -> None:
+    """Raise `UserError` unless the regions that have a material are those that the module has."""
+    names, given = list(names), list(given)
+    known = ", ".join(names) or "none"
+    for name in given:
+        if name not in names:
+            raise UserError(
+                f"'material.regions.{name}' is no region of this family's module{closest(name, names)} "
+                f"Its regions: {known}."
+            )
+    for name in names:
+        if name not in given:
+            raise UserError(
+                f"the region '{name}' of this family's module has no material; give it one, for example "
+                f"'material: {{regions: {{{name}: {{kind: neo_hookean, shear_modulus: 2 MPa}}}}}}'."
+            )
+
+
+def with_regions(
+    model: type[MaterialConfig], regions: Mapping[str, type[MaterialConfig]]
+) -> type[MaterialConfig]:
+    """The config model of a material that also names those of regions, each validated by its own kind's model."""
+    fields: Any = {name: (own, ...) for name, own in regions.items()}
+    named = create_model("RegionMaterials", __base__=RegionMaterials, **fields)
+    return create_model(model.__name__, __base__=model, __doc__=model.__doc__, regions=(named, ...))
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +102,18 @@ class Hyperelastic:
 
 
 class Material(Configured[MaterialConfig]):
-    """An isotropic hyperelastic solid. FEM backends call `evaluate` with all quadrature points at once."""
+    """An isotropic hyperelastic solid. FEM backends call `evaluate` with all quadrature points at once.
+
+    `regions` are the materials of the mesh's regions; the solid itself is that of all other cells.
+    """
+
+    regions: Mapping[str, Material] = MappingProxyType({})
+
+    def with_regions(self, regions: Mapping[str, Material]) -> Self:
+        """The same solid with these materials in the named regions."""
+        made = copy.copy(self)
+        made.regions = dict(regions)
+        return made
 
     @property
     def density_kg_m3(self) -> float:

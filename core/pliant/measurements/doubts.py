@@ -95,12 +95,11 @@ def _zero(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[D
     highest = {
         i: max(np.abs(run.history.actuation[i]).max() for run in runs) for i in runs[0].history.actuation
     }
-    readings = [run.outputs[name] for run in runs]
-    if not any(np.isfinite(r).any() for r in readings):
+    readings = np.concatenate([run.outputs[name] for run in runs])
+    there = readings[np.isfinite(readings)]
+    if not len(there):
         return []
-    span = max(float(np.nanmax(r)) for r in readings) - min(
-        float(np.nanmin(r)) for r in readings if np.isfinite(r).any()
-    )
+    span = float(np.ptp(there))
     begins = []
     for run in runs:
         history = run.history

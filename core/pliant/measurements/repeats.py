@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class _Driven:
     clock: Array | None
     step: float
     n: int
+    _noise: dict[str, float] = field(default_factory=dict)
 
     @staticmethod
     def of(history: History) -> _Driven:
@@ -69,6 +70,18 @@ class _Driven:
         clock = history.time_s - history.time_s[0]
         step = float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
         return _Driven(history.signals(), clock, step, len(history))
+
+    def at(self, grid: Array, name: str) -> Array:
+        """A signal at these seconds from the start."""
+        assert self.clock is not None
+        return np.interp(grid, self.clock, self.signals[name])
+
+    def noise(self, name: str) -> float:
+        """Variance of a signal's white noise; a run is compared with many."""
+        if name not in self._noise:
+            assert self.clock is not None
+            self._noise[name] = noise_variance(self.clock, self.signals[name])[0]
+        return self._noise[name]
 
 
 def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
@@ -166,16 +179,13 @@ def _same(a: _Driven, b: _Driven, tolerances: dict[str, float]) -> bool:
     if abs(a.clock[-1] - b.clock[-1]) > max(SAME_DURATION * a.clock[-1], 2 * max(a.step, b.step)):
         return False
     grid = np.linspace(0.0, min(a.clock[-1], b.clock[-1]), min(GRID, max(a.n, b.n)))
-    return all(
-        _alike(grid, (a.clock, a.signals[name]), (b.clock, b.signals[name]), tolerances[name])
-        for name in a.signals
-    )
+    return all(_alike(grid, name, a, b, tolerances[name]) for name in a.signals)
 
 
-def _alike(grid: Array, a: tuple[Array, Array], b: tuple[Array, Array], tolerance: float) -> bool:
+def _alike(grid: Array, name: str, a: _Driven, b: _Driven, tolerance: float) -> bool:
     """Two signals agree within the tolerance and their own noise, with four sigma of what sampling adds to it."""
-    square = float(np.mean((np.interp(grid, *a) - np.interp(grid, *b)) ** 2))
+    square = float(np.mean((a.at(grid, name) - b.at(grid, name)) ** 2))
     if square <= tolerance**2:
         return True
-    noise = sum(noise_variance(*signal)[0] for signal in (a, b))
+    noise = sum(one.noise(name) for one in (a, b))
     return bool(square <= tolerance**2 + noise * (1 + 4 * np.sqrt(3 / grid.size)))

@@ -178,7 +178,9 @@ def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
     columns: list[Array] = list(np.ascontiguousarray(base_rotations.transpose(2, 1, 0)))
     markers = np.empty((n + 2, 3, steps))
     markers[0] = geometry.base_position[:, None]
-    for i, (cosine, sine) in enumerate(zip(np.cos(q.T), np.sin(q.T), strict=True)):
+    with np.errstate(invalid="ignore"):  # where nothing was reached, nothing is shown
+        cosines, sines = np.cos(q.T), np.sin(q.T)
+    for i, (cosine, sine) in enumerate(zip(cosines, sines, strict=True)):
         markers[i + 1] = markers[i]
         _add(columns, geometry.offsets[i], markers[i + 1])
         rest = geometry.rest_rotations[i]

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
-from pliant.meshing.hexahedra import quadrature
-from pliant.records.design import MassProperties, ModuleMass
+from pliant.errors import ContractError
+from pliant.meshing.cells import kind_of
+from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleMesh
 
+UNIFORM: Mapping[str, float] = MappingProxyType({})
 ORDER = 5  # Gauss rule that integrates second moments of quadratic cells exactly
 
 
-def half_masses(mesh: ModuleMesh, density_kg_m3: float, mirror_y: bool = True) -> ModuleMass:
+def half_masses(
+    mesh: ModuleMesh, density_kg_m3: float, mirror_y: bool = True, regions: Mapping[str, float] = UNIFORM
+) -> ModuleMass:
     """Masses of a module whose solved piece is its `end` half, x ∈ [0, l/2], cut by the mirror plane y = 0.
 
     The `start` half is the mirror image in x = 0. Masses are those of the meshed solid, exact but for rounding:
@@ -21,8 +28,9 @@ def half_masses(mesh: ModuleMesh, density_kg_m3: float, mirror_y: bool = True) -
         mesh: the piece, in the module frame with the origin at the joint.
         density_kg_m3: of the solid.
         mirror_y: whether the piece is half the width, y ≥ 0 or y ≤ 0; False if it is the whole.
+        regions: densities of regions of the mesh that have one of their own.
     """
-    end = meshed_mass(mesh, density_kg_m3)
+    end = meshed_mass(mesh, density_kg_m3, regions)
     if mirror_y:
         end = end.joined(mirrored(end, 1))
     return ModuleMass(start=mirrored(end, 0), end=end)
@@ -35,10 +43,52 @@ def mirrored(piece: MassProperties, axis: int) -> MassProperties:
     return piece.rotated(np.diag(signs))
 
 
-def meshed_mass(mesh: ModuleMesh, density_kg_m3: float) -> MassProperties:
-    """Mass, centre and inertia of the meshed solid itself, exact for its quadratic cells."""
-    point, volume = quadrature(mesh.nodes_m, mesh.cells, ORDER)
-    x, dm = point.reshape(-1, 3), density_kg_m3 * volume.ravel()
+def meshed_mass(
+    mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM
+) -> MassProperties:
+    """Mass, centre and inertia of the meshed solid itself, exact for its quadratic cells.
+
+    `regions` are densities by region. Raises `ContractError` for one that the mesh does not have.
+    """
+    return _of_points(*_points(mesh, density_kg_m3, regions))
+
+
+def split_masses(
+    mesh: ModuleMesh,
+    span_m: float,
+    density_kg_m3: float,
+    mirror_y: bool = True,
+    regions: Mapping[str, float] = UNIFORM,
+) -> ModuleMass:
+    """Masses of a whole module, x from 0 to span, about the joint in its middle.
+
+    Together they are exact; a cell that the joint's plane crosses is shared out by its quadrature points.
+    """
+    x, dm = _points(mesh, density_kg_m3, regions)
+    x = x - np.array([span_m / 2, 0.0, 0.0])
+    ahead = x[:, 0] >= 0
+    halves = [_of_points(x[chosen], dm[chosen]) for chosen in (~ahead, ahead)]
+    if mirror_y:
+        halves = [half.joined(mirrored(half, 1)) for half in halves]
+    return ModuleMass(*halves)
+
+
+def _points(mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float]) -> tuple[Array, Array]:
+    """Quadrature points (n, 3) in m and their masses (n,) in kg."""
+    point, volume = kind_of(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    density = np.full((len(mesh.cells), 1), density_kg_m3)
+    for name, own in regions.items():
+        if name not in mesh.regions:
+            known = ", ".join(mesh.regions) or "none"
+            raise ContractError(
+                f"a density is given for the region '{name}'; the mesh's regions are {known}."
+            )
+        density[mesh.regions[name]] = own
+    return point.reshape(-1, 3), (density * volume).ravel()
+
+
+def _of_points(x: Array, dm: Array) -> MassProperties:
+    """Of masses dm (n,) at points x (n, 3)."""
     mass = float(dm.sum())
     com = dm @ x / mass
     arm = x - com

@@ -24,7 +24,7 @@ def mirrored_mesh(mesh: ModuleMesh) -> ModuleMesh:
     cavity, skin = (faces[:, _FACE[:, ::-1].ravel()] for faces in (mesh.cavity, mesh.skin))
     sets = {**mesh.node_sets}
     sets["start"], sets["end"] = mesh.node_sets["end"], mesh.node_sets["start"]
-    return ModuleMesh(mesh.nodes_m * np.array([-1.0, 1.0, 1.0]), cells, cavity, skin, sets)
+    return ModuleMesh(mesh.nodes_m * np.array([-1.0, 1.0, 1.0]), cells, cavity, skin, sets, mesh.regions)
 
 
 def moved_mesh(mesh: ModuleMesh, along_x_m: float) -> ModuleMesh:
@@ -35,7 +35,7 @@ def moved_mesh(mesh: ModuleMesh, along_x_m: float) -> ModuleMesh:
 def welded_meshes(pieces: Sequence[ModuleMesh]) -> ModuleMesh:
     """Pieces that meet as one body: equal nodes become one, inner faces disappear from the skin.
 
-    Of the node sets only `symmetry` survives; the caller names the others.
+    Of the node sets only `symmetry` survives; the caller names the others. Regions of one name become one.
     """
     nodes = np.concatenate([piece.nodes_m for piece in pieces])
     grid = SAME * float(np.ptp(nodes, axis=0).max())
@@ -54,7 +54,19 @@ def welded_meshes(pieces: Sequence[ModuleMesh]) -> ModuleMesh:
     symmetry = [p.node_sets["symmetry"] + s for p, s in zip(pieces, starts, strict=True)]
     skin, _ = boundary_faces(cells)
     sets = {"symmetry": np.unique(number[np.concatenate(symmetry)]).astype(np.int64)}
-    return ModuleMesh(nodes[first], cells, renumbered("cavity"), skin, sets)
+    return ModuleMesh(nodes[first], cells, renumbered("cavity"), skin, sets, _joined_regions(pieces))
+
+
+def _joined_regions(pieces: Sequence[ModuleMesh]) -> dict[str, IntArray]:
+    """The pieces' regions by name, cells numbered through."""
+    starts = np.cumsum([0] + [len(piece.cells) for piece in pieces[:-1]])
+    names = dict.fromkeys(name for piece in pieces for name in piece.regions)
+    return {
+        name: np.concatenate(
+            [p.regions[name] + start for p, start in zip(pieces, starts, strict=True) if name in p.regions]
+        )
+        for name in names
+    }
 
 
 def stacked(half: ModuleMesh, span_m: float, modules: int) -> ModuleMesh:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.mechanics.shared_actuation import shared
+from pliant.meshing.masses import UNIFORM
 from pliant.meshing.surfaces import merged, stretched
 from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
@@ -110,10 +111,16 @@ def module_like(piece: Module, length_m: float, mass_kg: float | None = None) ->
     return RigidPiece(length_m, mass.shifted(offset), shapes)
 
 
-def family_module(law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None) -> Module:
-    """A module of a family; without a density it has that of water, for chains on which no weight acts."""
+def family_module(
+    law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None, regions: Mapping[str, float] = UNIFORM
+) -> Module:
+    """A module of a family; without a density it has that of water, for chains on which no weight acts.
+
+    `regions` are densities by region of the family, given where it has any.
+    """
     density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
-    return Module(law, family.module_length_m, family.mass(density), family.shapes(), family.offset_m)
+    mass = family.mass(density, regions) if regions else family.mass(density)
+    return Module(law, family.module_length_m, mass, family.shapes(), family.offset_m)
 
 
 def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:

@@ -65,7 +65,7 @@ def solve_fields(
     problems = module_problems(built, fem.refinement)
     needed = [name for name in problems if name == MAIN or any(t.piece == name for t in targets)]
     pieces = {
-        name: piece_of(name, p, backend.solver(p, substance))
+        name: piece_of(name, p, backend.checked_solver(p, substance))
         for name, p in problems.items()
         if name in needed
     }

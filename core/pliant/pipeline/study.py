@@ -17,6 +17,7 @@ from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.interfaces.material import require_regions
 from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
@@ -45,6 +46,8 @@ from pliant.store.store import Artifact
 
 DEFAULT_SURROGATE = "polynomial"
 DEFAULT_PHYSICS = "quasistatic"
+# A module of a law, a family, its density and those of its regions.
+ModuleOf = Callable[[JointLaw, ActuatorFamily, float | None, Mapping[str, float]], Module]
 OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offset_m")
 
 
@@ -141,6 +144,8 @@ def check_study(bench: Workbench, study: Study) -> None:
                 seen_surface(built)
             if study.fem is not None:
                 study.fem.actuation_max(built.actuation)
+            if study.material is not None:
+                require_regions(built.regions, study.material.of_regions())
         if design.surrogate is not None:
             bench.build("surrogate", design.surrogate)
     for key, interface in BLOCKS.items():
@@ -277,11 +282,11 @@ def chain_segments(
     bench: Workbench,
     study: Study,
     stages: Sequence[DesignStages],
-    module_of: Callable[[ActuatorFamily, float | None, JointLaw], Module] | None = None,
+    module_of: ModuleOf = family_module,
 ) -> list[Segment]:
     """The segments of the study's chain, for `build_chain`.
 
-    `module_of` makes a module of a family, a density and a law; `family_module` by default.
+    `module_of` makes a module, called as `family_module`.
     """
     chain: ChainConfig = study.need("chain", "a simulation")
     made = {s.design.name: s for s in stages}
@@ -313,7 +318,7 @@ def _family_module(
     bench: Workbench,
     study: Study,
     stages: DesignStages,
-    module_of: Callable[[ActuatorFamily, float | None, JointLaw], Module] | None,
+    module_of: ModuleOf,
 ) -> Module | None:
     """A module of the design's family, or None without one."""
     chain = study.need("chain", "a simulation")
@@ -330,9 +335,7 @@ def _family_module(
         raise UserError(
             "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
         )
-    if module_of is not None:
-        return module_of(family, density, stages.law.law)
-    return family_module(stages.law.law, family, density)
+    return module_of(stages.law.law, family, density, _region_densities(study))
 
 
 def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
@@ -422,6 +425,8 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
         "density_kg_m3": _density(study),
     }
+    if own := _region_densities(study):
+        config["region_densities_kg_m3"] = own
     components = [bench.component("family", study.family)] if study.family else []
     components += law_components(bench, stages)
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
@@ -438,3 +443,9 @@ def _default(bench: Workbench, interface: str, kind: str) -> Any:
 
 def _density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
+
+
+def _region_densities(study: Study) -> dict[str, float]:
+    """Density by region of the module."""
+    regions = study.material.of_regions() if study.material else {}
+    return {name: float(config.density_kg_m3) for name, config in regions.items()}

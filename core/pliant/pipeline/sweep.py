@@ -114,7 +114,7 @@ def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
     """Status and cause; raises `UserError` for what concerns every design."""
     try:
         family, material, fem = (
-            bench.registry.get(interface, config["kind"]).config_model().model_validate(config)
+            bench.registry.config_model(interface, config).model_validate(config)
             for interface, config in job.configs.items()
         )
         made = fem_stage(bench, family, material, fem)  # type: ignore[arg-type]

@@ -16,9 +16,10 @@ from pliant.records.law import JointKind
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
 Role = Literal["fit", "check"]
-# Where convolutions overlap, and where the user lets them (fem.self_contact: pass).
-SELF_CONTACT, PASSED = "self_contact", "passed_through"
-TRUSTED = ("ok", PASSED)
+# Where convolutions overlap, where the user lets them (fem.self_contact: pass), and where walls that touch hold each
+# other (fem.self_contact: solve).
+SELF_CONTACT, PASSED, TOUCHING = "self_contact", "passed_through", "touching"
+TRUSTED = ("ok", PASSED, TOUCHING)
 # `explored` of a state that holds several axes.
 COUPLING = "coupling"
 # Arrays of a module's data, one entry per state.
@@ -53,15 +54,18 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class ModuleMesh:
-    """A mesh of 27-node hexahedra in the module frame (x along the chain, bending about y), in metres.
+    """A mesh of quadratic cells of one kind in the module frame (x along the chain, bending about y), in metres.
 
     Attributes:
         nodes_m: (n, 3) reference coordinates.
-        cells: (m, 27) node ids in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2.
-        cavity: (f, 9) node ids of the wetted faces, local node a + 3b; ∂x/∂a × ∂x/∂b points out of the
-            solid, into the cavity.
-        skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
+        cells: (m, 27) node ids of hexahedra in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2;
+            or (m, 10) of tetrahedra, corners, then the middles of the edges 01, 12, 02, 03, 13, 23.
+        cavity: (f, 9) node ids of the wetted faces, local node a + 3b, or (f, 6), corners, then the middles of the
+            edges 01, 12, 02; ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
+        skin: (g, 9) or (g, 6) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
+        regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
+            each its material, density included, under `material.regions`.
     """
 
     nodes_m: Array
@@ -69,6 +73,7 @@ class ModuleMesh:
     cavity: IntArray
     skin: IntArray
     node_sets: Mapping[str, IntArray]
+    regions: Mapping[str, IntArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,8 @@ class ModuleProblem:
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
         closing: the bending that closes a round module, about y and z together; states beyond are never trusted.
+        requires: what a backend must know beyond this record, by names: those that a problem's own class brings. See
+            `requirements`.
     """
 
     mesh: ModuleMesh
@@ -195,6 +202,20 @@ class ModuleProblem:
     contact_planes: tuple[str, ...] = ("start", "end")
     contact_range: tuple[float, float] | None = None
     closing: Closing | None = None
+    requires: frozenset[str] = frozenset()
+
+    @property
+    def requirements(self) -> frozenset[str]:
+        """Names of all that a backend must know to solve it: `requires`, and the optional parts that it has."""
+        parts = {
+            "regions": self.mesh.regions,
+            "tetrahedra": self.mesh.cells.shape[1] == 10,
+            "ribbons": self.ribbons,
+            "tendon": self.tendon,
+            "links": self.links,
+            "ties": any(self.tied.values()),
+        }
+        return self.requires | {name for name, part in parts.items() if part}
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +224,8 @@ class FemState:
 
     τ is the external effort that opposes the actuation, τ(p, u) = −∂Π/∂u, zero along axes that are free. Slopes
     are exact tangents with every other unknown at equilibrium, all of u being independent, so that dtau_du is
-    symmetric. `status` is "ok" or "self_contact" (convolutions or rigid parts overlap; the model has no contact, so
-    the state is marked, not trusted).
+    symmetric. `status` is "ok", "touching" (walls hold each other, the contact solved) or "self_contact" (convolutions
+    or rigid parts overlap: the state is marked, not trusted).
 
     Attributes:
         actuation: pressure (Pa) or tendon force (N).
@@ -288,7 +309,7 @@ class ModuleFields:
     Attributes:
         points_m: (n, 3) reference positions in the module frame.
         displacement_m: (n, 3).
-        cells: (m, 27) as in `ModuleMesh`.
+        cells: (m, 27) or (m, 10) as in `ModuleMesh`.
         point_data: named nodal values, (n,) or (n, 3): `von_mises_pa`, `hydrostatic_pa`, `energy_j_m3`,
             `volume_ratio`, `largest_stretch`.
     """
@@ -302,6 +323,8 @@ class ModuleFields:
 @dataclass(frozen=True, eq=False)
 class ModuleShape:
     """Deformed skin of the solved piece at one state, for pictures: points (n, 3) in m, faces (g, 9).
+
+    Triangles of tetrahedra are squares with a collapsed edge (`meshing.cells.SquareSkin`).
 
     Attributes:
         von_mises_pa: (n,) von Mises stress on the skin, where it was asked for and the backend gives fields.

@@ -95,6 +95,24 @@ class History:
             else self.valve_open[np.ceil(places - 1e-9).astype(int)],
         )
 
+    def at_samples(self, places: NDArray[np.intp]) -> History:
+        """Some of its samples, (k,) their places in their order."""
+
+        def some(values: Array | None) -> Array | None:
+            return None if values is None else values[places]
+
+        return replace(
+            self,
+            time_s=some(self.time_s),
+            actuation={name: values[places] for name, values in self.actuation.items()},
+            tip_force_n=self.tip_force_n[places],
+            moment_n_m=self.moment_n_m[places],
+            temperature_c=self.temperature_c[places],
+            base_angles_rad=self.base_angles_rad[places],
+            payload_kg=some(self.payload_kg),
+            valve_open=some(self.valve_open),
+        )
+
     def signals(self) -> dict[str, Array]:
         """(t,) each input, load and condition that the run has, by the name of its column in a measurement file."""
         optional = {"payload_kg": self.payload_kg, "valve_open": self.valve_open}

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -39,6 +40,16 @@ class MeasuredRun:
     def input(self, name: str) -> Array:
         """(t,) an input by name; NaN where the run has none of it."""
         return np.asarray(self.history.actuation.get(name, np.full(len(self), np.nan)), float)
+
+    def at(self, places: NDArray[np.intp]) -> MeasuredRun:
+        """Some of its samples, (k,) their places in their order."""
+        return MeasuredRun(
+            self.history.at_samples(places),
+            {name: values[places] for name, values in self.outputs.items()},
+            {name: values[places] for name, values in self.sigma.items()},
+            self.cycle[places],
+            self.lines[places] if len(self.lines) else self.lines,
+        )
 
     def with_outputs(self, outputs: Mapping[str, Array]) -> MeasuredRun:
         """The run with other readings, everything else kept."""

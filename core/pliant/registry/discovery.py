@@ -12,6 +12,7 @@ import pluggy
 
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
+from pliant.interfaces.material import MaterialConfig, with_regions
 from pliant.registry import hookspecs
 from pliant.registry.component import Component
 
@@ -71,9 +72,35 @@ class Registry:
             message += f" Plugins that failed to load: {names}."
         raise UserError(message)
 
+    def config_model(self, interface: str, block: Mapping[str, Any]) -> type[ComponentConfig]:
+        """The config model of a block of a study, by its `kind`; a material's regions are typed by their own kinds.
+
+        Raises `UserError` for an unknown kind.
+        """
+        model = self.get(interface, block["kind"]).config_model()
+        regions = block.get("regions")
+        if not (issubclass(model, MaterialConfig) and isinstance(regions, Mapping)):
+            return model
+        named = {str(name): self._region_model(own) for name, own in regions.items()}
+        return with_regions(model, named)
+
+    def _region_model(self, block: Any) -> type[MaterialConfig]:
+        """The base where the block is none, so that pydantic reports it."""
+        if not (isinstance(block, Mapping) and isinstance(block.get("kind"), str)):
+            return MaterialConfig
+        model = self.config_model("material", block)
+        assert issubclass(model, MaterialConfig)
+        return model
+
     def build(self, interface: str, config: ComponentConfig) -> Any:
-        """Build the implementation that belongs to a validated config."""
-        return self.get(interface, config.kind).build(config)
+        """Build the implementation that belongs to a validated config; a material's regions with it."""
+        built = self.get(interface, config.kind).build(config)
+        regions = config.of_regions() if isinstance(config, MaterialConfig) else {}
+        return (
+            built.with_regions({n: self.build("material", c) for n, c in regions.items()})
+            if regions
+            else built
+        )
 
 
 def discover(extra: Iterable[ModuleType] = ()) -> Registry:

@@ -116,7 +116,7 @@ def diagnosis_document(
             *([proposed] if proposed else []),
             *([f"next run {next_file}"] if next_file else []),
         ),
-        draw=lambda: _drawn(Diagnosed(measurement, found), registry),
+        draw=lambda: _drawn(Diagnosed(found.measurement, found), registry),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
 

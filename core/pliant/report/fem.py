@@ -10,7 +10,7 @@ import numpy as np
 from pliant.config.study import Study
 from pliant.formatting import percent, units_of_page
 from pliant.pipeline.workbench import Workbench
-from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
+from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, ModuleData
 from pliant.report.document import Document, Drawn, answers, capital
 from pliant.report.fem_view import DesignStates, axis_record, data_warnings, free_reach, solved_rows
 from pliant.report.provenance import duration, made_by, stage_json
@@ -76,6 +76,7 @@ def fem_json(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, 
         "failed": [dict(f) for d in data for f in d.failed],
         "self_contact": sum(int(np.sum(d.status == SELF_CONTACT)) for d in data),
         "passed_through": sum(int(np.sum(d.status == PASSED)) for d in data),
+        "touching": sum(int(np.sum(d.status == TOUCHING)) for d in data),
         "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
         "newton_steps": sum(int(d.iterations.sum()) for d in data),
         "axes": _of_axes(data[0]) if len(data) == 1 else [_of_axes(d) for d in data],
@@ -101,8 +102,9 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
     for artifact in artifacts:
         data: ModuleData = artifact.value
         check, contact = int(np.sum(data.role == "check")), int(np.sum(data.status == SELF_CONTACT))
-        passed = int(np.sum(data.status == PASSED))
+        passed, touching = int(np.sum(data.status == PASSED)), int(np.sum(data.status == TOUCHING))
         through = f"{passed} passed through, " if passed else ""
+        through += f"{touching} with walls that hold each other, " if touching else ""
         lines.append(
             f"FEM      {len(data)} states ({check} never fitted, {contact} with self-contact, {through}"
             f"{len(data.failed)} failed), {free_reach(data)}, {duration(artifact)}"

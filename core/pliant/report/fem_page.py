@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
-from pliant.records.fem import PASSED, TRUSTED, FemDataset, ModuleData
+from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -125,7 +125,9 @@ def states_table(data: ModuleData) -> Table:
         rows.append([spans[0], *counts, _span(data.actuation[chosen], p_unit), *spans[1:]])
     head = ["axis", "to fit", "check", "self-contact", "actuation", "u", "effort τ"]
     copies = int(np.sum(~solved_rows(data)))
-    note = "States in self-contact are marked, since the FEM has no contact."
+    note = "States in self-contact are marked: nothing holds the walls that overlap there."
+    if touching := int(np.sum(data.status == TOUCHING)):
+        note += f" In {touching} states walls touch and hold each other, without friction."
     if passed := int(np.sum(data.status == PASSED)):
         note += f" In {passed} states convolutions pass through each other, as 'fem.self_contact: pass' lets them."
     if copies > 1:  # the rest state may cost nothing either
@@ -200,7 +202,9 @@ def cost_table(data: ModuleData, backend: str) -> Table:
     pieces = data.sampling.get("pieces")
     labels = {"main": "mesh", "full": "mesh of the whole module"}
     meshes = {
-        labels.get(str(name), str(name)): f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"
+        labels.get(
+            str(name), str(name)
+        ): f"{size['n_cells']} elements of {size.get('cell_nodes', 27)} nodes, {size['n_nodes']} nodes"
         for name, size in (pieces if isinstance(pieces, Mapping) else {}).items()
     }
     values = {

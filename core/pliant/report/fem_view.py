@@ -81,8 +81,8 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
         tendon = data.actuation_name == "tendon_force_n"
         touching = "links that would meet" if tendon else "touching convolutions"
         found.append(
-            f"{contact} of {len(data)} states have {touching}. The model has no contact: the law's domain ends where "
-            "they take over, and inside it they are too soft."
+            f"{contact} of {len(data)} states have {touching}, which nothing holds: the law's domain ends where they "
+            "take over, and inside it they are too soft."
         )
     if passed := int(np.sum(data.status == PASSED)):
         found.append(

@@ -10,11 +10,14 @@ A_c, z_c area and centroid of the cavity, z_e that of the solid section.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
 from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
+from pliant.meshing.tetrahedra import EDGES
+from pliant.meshing.tetrahedra import boundary_faces as tetrahedral_faces
 from pliant.records.fem import Link, ModuleMesh, ModuleProblem, Tendon
 
 # Lattice lines across the section, in m; the cavity is the cell y < Y[1], Z[1] < z < Z[2].
@@ -39,6 +42,7 @@ class BoxModule:
 
     def __init__(self, young_pa: float, poisson: float) -> None:
         length, shear_pa = 2 * HALF_LENGTH_M, young_pa / (2 * (1 + poisson))
+        self._young_pa = young_pa
         # Area, centroid and second moment about z = 0 of outline and cavity, full width.
         pieces = ((2 * Y[-1], Z[0], Z[-1]), (2 * Y[1], Z[1], Z[2]))
         (A, z, outer), (a, c, inner) = (
@@ -56,6 +60,16 @@ class BoxModule:
         self.twist_bounds_n_m = shear_pa * bredt / length, stiff
         self.axial_stiffness_n_m = young_pa * (A - a) / length
         self.thrust_m2 = (1 - 2 * poisson) * a
+
+    def layered_stiffness_n_m(self, factor: float) -> float:
+        """−∂τ/∂u with a floor that is `factor` times as stiff at the same ν: Σ E I / l about the weighted centroid."""
+        parts = (  # modulus, width, low, high; the cavity counts with minus
+            (factor, 2 * Y[-1], Z[0], Z[1]),
+            (1.0, 2 * Y[-1], Z[1], Z[3]),
+            (-1.0, 2 * Y[1], Z[1], Z[2]),
+        )
+        first, second, third = (sum(e * b * (h**n - g**n) / n for e, b, g, h in parts) for n in (1, 2, 3))
+        return self._young_pa * (third - second**2 / first) / (2 * HALF_LENGTH_M)
 
 
 @dataclass(frozen=True)
@@ -90,6 +104,14 @@ def box_mesh(shape: BoxShape = BoxShape(), refinement: int = 1) -> ModuleMesh:
     nodes, cells, cavity = carved(nodes, cells, (y < shape.y[1]) & (z > shape.z[1]) & (z < shape.z[2]))
     skin, _ = boundary_faces(cells)
     return ModuleMesh(nodes, cells, cavity, skin, module_sets(nodes, shape.half_length_m))
+
+
+def layered_box_problem() -> ModuleProblem:
+    """The quarter box with its floor as the region `floor`."""
+    problem = box_problem()
+    mesh = problem.mesh
+    floor = np.flatnonzero(mesh.nodes_m[mesh.cells[:, CENTRE], 2] < Z[1])
+    return replace(problem, mesh=replace(mesh, regions={"floor": floor}))
 
 
 def tendon_box_problem() -> ModuleProblem:
@@ -145,3 +167,20 @@ def spatial_box_mesh(refinement: int = 1) -> ModuleMesh:
         np.linalg.norm(nodes - np.array([0.0, 0.0, Z[-1]]), axis=1) < 1e-9 * length
     )
     return ModuleMesh(nodes, cells, cavity, skin, sets)
+
+
+def tetrahedral(mesh: ModuleMesh) -> ModuleMesh:
+    """The same nodes and body with each hexahedron cut into six 10-node tetrahedra along its main diagonal (Kuhn).
+
+    All cells must belong to one structured grid, or the diagonals of common faces would cross.
+    """
+    steps, pieces = np.array([2, 6, 18]), []
+    for order in permutations(range(3)):
+        corners = np.concatenate([[0], np.cumsum(steps[list(order)])])
+        if np.linalg.det(np.eye(3)[list(order)]) < 0:
+            corners = corners[[0, 2, 1, 3]]
+        pieces.append(np.concatenate([corners, (corners[EDGES[:, 0]] + corners[EDGES[:, 1]]) // 2]))
+    cells = mesh.cells[:, np.array(pieces)].reshape(-1, 10)
+    skin, _ = tetrahedral_faces(cells)
+    wetted = np.isin(skin, mesh.cavity).all(axis=1)
+    return replace(mesh, cells=cells, cavity=skin[wetted], skin=skin)

@@ -21,12 +21,13 @@ from pliant.testing import CheckSkipped, Subject, agree, once, require, require_
 from pliant.testing.box import (
     BoxModule,
     box_problem,
+    layered_box_problem,
     prismatic_box_problem,
     spatial_box_problem,
     tendon_box_problem,
 )
 from pliant.testing.joint_laws import stored
-from pliant.testing.stand_ins import sample_material
+from pliant.testing.stand_ins import sample_material, scaled_sample
 
 MATERIAL = sample_material()
 BOX = BoxModule(MATERIAL.young_pa, MATERIAL.poisson)
@@ -41,26 +42,36 @@ TENSION_N, PULLED_RAD = 0.2, 0.1
 SOLVED = 1e-6
 # Relative; meshes that are not mirror-symmetric leave this much.
 SYMMETRY = 2e-3
+STIFFER = 10.0  # a region's modulus / the body's
 RESULTS = ("moment_n_m", "energy_j", "dmoment_dp", "dmoment_du")
 
 
 def _new_solver(subject: Subject, problem: ModuleProblem) -> ModuleSolver:
-    """A new solver of this problem.
+    """A new solver of this problem, its regions `STIFFER` times as stiff as the rest.
 
     A backend that hands the law to another program by its name may refuse the sample solid, whose name nobody
     knows; it is then given `neo_hookean` with the same moduli at small strain.
     """
     backend: FEMBackend = subject.build()
     try:
-        return backend.solver(problem, MATERIAL)
+        return backend.solver(problem, _sample(problem, MATERIAL, scaled_sample(STIFFER)))
     except MissingDependencyError:
         raise
     except UserError:
-        moduli = {"shear_modulus_pa": MATERIAL.shear_modulus_pa, "poisson_ratio": MATERIAL.poisson}
-        component = discover().get("material", "neo_hookean")
-        config = component.config_model().model_validate({"kind": "neo_hookean", **moduli})
-        named: Material = component.build(config)
-        return backend.solver(problem, named)
+        return backend.solver(problem, _sample(problem, _named(1.0), _named(STIFFER)))
+
+
+def _sample(problem: ModuleProblem, body: Material, other: Material) -> Material:
+    return body.with_regions(dict.fromkeys(problem.mesh.regions, other))
+
+
+def _named(factor: float) -> Material:
+    moduli = {"shear_modulus_pa": factor * MATERIAL.shear_modulus_pa, "poisson_ratio": MATERIAL.poisson}
+    component = discover().get("material", "neo_hookean")
+    made: Material = component.build(
+        component.config_model().model_validate({"kind": "neo_hookean", **moduli})
+    )
+    return made
 
 
 @once
@@ -270,10 +281,13 @@ def says_when_it_does_not_converge(subject: Subject) -> None:
 
 
 def refuses_unknown_problems(subject: Subject) -> None:
-    """`solver` raises `UserError` for a problem that it does not support."""
+    """`solver` raises `UserError` for a problem that it does not support, and calls a requirement by its name."""
     strange = replace(box_problem(), frame="no_such_frame")  # type: ignore[arg-type]
     accepted = "a problem with frame 'no_such_frame' was accepted"
     require_refused(lambda: _new_solver(subject, strange), accepted, "frame", "frame")
+    strange = replace(box_problem(), requires=frozenset({"no_such_thing"}))
+    accepted = "a problem that requires 'no_such_thing' was accepted: call `self.check(problem, material)` in `solver`"
+    require_refused(lambda: _new_solver(subject, strange), accepted, "no_such_thing", "requirement")
 
 
 def states_have_all_axes(subject: Subject) -> None:
@@ -377,3 +391,12 @@ def tendon_works_on_its_travel(subject: Subject) -> None:
         "dE (J/rad) is not −τ + T ∂(travel)/∂u",
         rtol=1e-4,
     )
+
+
+def regions_are_of_their_own_material(subject: Subject) -> None:
+    """cells of a region have its material: small bends of a layered tube follow the composite beam, Σ E I / l."""
+    rest = _special(subject, layered_box_problem).rest()
+    finding = (
+        "∂τ/∂u (N·m/rad) of a tube with a stiffer floor is not −Σ E I / l: the region's material is not used"
+    )
+    agree(rest.dmoment_du, -BOX.layered_stiffness_n_m(STIFFER), finding, rtol=1e-5)

@@ -83,6 +83,14 @@ def sample_material() -> Ciarlet:
     return Ciarlet(CiarletConfig())
 
 
+def scaled_sample(factor: float) -> Ciarlet:
+    """The soft solid, `factor` times as stiff."""
+    plain = CiarletConfig()
+    return Ciarlet(
+        CiarletConfig(lame_pa=factor * plain.lame_pa, shear_modulus_pa=factor * plain.shear_modulus_pa)
+    )
+
+
 class StandInConfig(PhysicsConfig):
     """The stand-in engine has no settings."""
 

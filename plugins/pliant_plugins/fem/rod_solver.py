@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -15,17 +15,19 @@ from pliant.errors import UserError
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import SELF_CONTACT, TOUCHING, FemState, ModuleProblem
 from pliant_plugins.fem.newton import Control, DivergedError, FemEquilibrium, Newton, SingularMatrixError
 
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
+# Of a solver with contact: nothing touches, walls that touch hold each other, they have gone too far into each other.
+Touch = Literal["free", "solved", "deep"]
 
 
 class RodSolver(ModuleSolver):
     """Goes from state to state with `Newton`, whose last equilibria are kept factorised.
 
-    A start among these costs nothing. Convolutions that meet are reported, not resolved: there is no contact in the
-    model.
+    A start among these costs nothing. Convolutions that meet are reported, not resolved, unless the code has contact
+    (`_touching`).
     """
 
     remembered: ClassVar[int] = 8
@@ -99,13 +101,24 @@ class RodSolver(ModuleSolver):
         self._known.append(equilibrium)
         return equilibrium
 
-    def _overlaps(self, x: Array) -> bool:
-        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share, or rigid parts meet."""
-        problem = self.problem
+    def _status(self, x: Array) -> str:
+        """What walls and rigid parts do at x."""
+        problem, touching = self.problem, self._touching(x)
         if problem.contact_range is not None:
             low, high = problem.contact_range
             if not low <= self._coordinates(x)[problem.axes.index(problem.main_axis)] <= high:
-                return True
+                return SELF_CONTACT
+        if touching is None:
+            return SELF_CONTACT if self._overlaps(x) else "ok"
+        return {"free": "ok", "solved": TOUCHING, "deep": SELF_CONTACT}[touching]
+
+    def _touching(self, x: Array) -> Touch | None:
+        """What walls do in a code that solves contact, None in one that does not."""
+        return None
+
+    def _overlaps(self, x: Array) -> bool:
+        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
+        problem = self.problem
         strain = self._frame(x)[1]
         s = self._section(x)[np.unique(problem.mesh.skin), 0]
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * problem.span_m}
@@ -129,7 +142,7 @@ class RodSolver(ModuleSolver):
             travel=energy * (point.travel.value - self._travel_at_rest),
             axial_strain=self._frame(point.x)[1],
             branch="constrained" if held else "free",
-            status="self_contact" if self._overlaps(point.x) else "ok",
+            status=self._status(point.x),
             iterations=equilibrium.iterations,
             wall_s=time.perf_counter() - begun,
             main=self.problem.axes.index(self.problem.main_axis),

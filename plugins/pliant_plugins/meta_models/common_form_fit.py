@@ -205,7 +205,8 @@ def _enough_states(designs: SolvedDesigns) -> None:
         if good.sum() < 2:
             raise UserError(
                 f"design {number + 1} of {len(designs)} has {int(good.sum())} trusted states of role 'fit', and at "
-                "least 2 are needed: leave it out of the sweep, or let its walls pass (fem.self_contact: pass)"
+                "least 2 are needed: leave it out of the sweep, or let its walls pass (fem.self_contact: pass) or "
+                "hold each other (solve)"
             )
 
 

@@ -156,6 +156,13 @@ posed("axes_fit_the_joint", main_axis="z")
 broken("mass_is_that_of_the_mesh", mass=lambda up, self, density: up(density / 2))
 broken("mass_scales_with_density", mass=lambda up, self, density: up(1000.0))
 weighed("mass_scales_with_density", _dead_weight)
+meshed("regions_are_cells_of_the_mesh", lambda p: {"regions": {"floor": np.array([0])}})
+broken(
+    "mass_counts_regions_with_their_density",
+    regions=("floor",),
+    problem=lambda up, self, *a, **k: _remeshed(up(*a, **k), lambda p: {"regions": {"floor": np.array([0])}}),
+    mass=lambda up, self, density, regions=None: up(density),
+)
 weighed("inertia_is_physical", _thin)
 weighed("halves_are_in_their_places", lambda mass: ModuleMass(mass.end, mass.start))
 broken(

@@ -34,7 +34,7 @@ KNOWN: dict[Any, Any] = {}
 
 def known(problem: ModuleProblem, what: tuple[Any, ...], make: Callable[[], Any]) -> Any:
     """What the good backend makes of one of the suite's problems: solved once for all broken ones."""
-    key = (problem.energy_scale, problem.axes, problem.joint, problem.actuation, *what)
+    key = (problem.energy_scale, *problem.requirements, problem.axes, problem.joint, problem.actuation, *what)
     if key not in KNOWN:
         KNOWN[key] = make()
     return KNOWN[key]
@@ -149,6 +149,10 @@ def _tolerant(up: Any, self: Any, actuation: float, held: Any, start: FemState) 
     return up(actuation, held, start)
 
 
+def _plain(problem: ModuleProblem) -> ModuleProblem:
+    return replace(problem, mesh=replace(problem.mesh, regions={}))
+
+
 def _as_strain(solver: Wrapped, state: FemState) -> FemState:
     length = solver.problem.span_m if solver.problem.joint == "prismatic" else 1.0
     return replace(state, tau=state.tau * length, dtau_du=state.dtau_du * length**2)
@@ -193,6 +197,14 @@ broken("says_when_it_does_not_converge", free=_careless)
 variants.of(Falsified)(
     "refuses_unknown_problems",
     solver=lambda up, self, problem, material: up(replace(problem, frame="rod"), material),
+)
+variants.of(Falsified)(
+    "refuses_unknown_problems",
+    solver=lambda up, self, problem, material: up(replace(problem, requires=frozenset()), material),
+)
+variants.of(Falsified)(
+    "regions_are_of_their_own_material",
+    solver=lambda up, self, problem, material: up(_plain(problem), material.with_regions({})),
 )
 seen("states_have_all_axes", lambda s: replace(s, tau=s.tau[[s.main]]))
 broken("small_bends_about_all_axes_follow_beam_theory", rest=_stiff_in_twist)

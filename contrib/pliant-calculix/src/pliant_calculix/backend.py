@@ -37,7 +37,8 @@ class CalculixSolver(ModuleSolver):
         self.reader = Reader(self.model, material)
         self.revolute = problem.joint == "revolute"
         # near equal stretches CalculiX' Ogden law is too rough for less
-        rough = OGDEN_TOLERANCE if material.config.kind == "ogden" else 0.0
+        kinds = {own.config.kind for own in (material, *material.regions.values())}
+        rough = OGDEN_TOLERANCE if "ogden" in kinds else 0.0
         self._tolerance = max(config.tolerance, rough)
         self._head = [
             *model_cards(self.model, ["A module of a soft robot, by Pliant"]),
@@ -206,7 +207,9 @@ class Calculix(FEMBackend):
     """CalculiX: modules under pressure that bend about y or extend along x."""
 
     config: CalculixConfig
+    knows = frozenset({"regions"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> CalculixSolver:
         """Raises `UserError` for another problem or material, `MissingDependencyError` without the program."""
+        self.check(problem, material)
         return CalculixSolver(self.config, problem, material)

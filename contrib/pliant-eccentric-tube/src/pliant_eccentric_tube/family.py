@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from pliant.interfaces.family import ActuatorFamily
-from pliant.meshing.masses import half_masses
+from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant_eccentric_tube.config import EccentricTubeConfig
@@ -44,7 +46,7 @@ class EccentricTube(ActuatorFamily):
             fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
         )
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the meshed halves."""
         mesh = build_mesh(self.section, self.module_length_m / 2, MASS_REFINEMENT)
-        return half_masses(mesh, density_kg_m3)
+        return half_masses(mesh, density_kg_m3, regions=regions)

@@ -217,7 +217,11 @@ class FastPath:
             segments = [replace(one, piece=piece) for one, piece in zip(segments, bare, strict=True)]
         return self._timed("chain", lambda: build_chain(config, segments))
 
-    def _module(self, family: ActuatorFamily, density_kg_m3: float | None, law: JointLaw) -> Module:
+    def _module(
+        self, law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None, regions: Mapping[str, float]
+    ) -> Module:
         """As `family_module`: masses and shapes of a design are made once, the law is the candidate's."""
-        key = (repr(family.config.canonical()), density_kg_m3)
-        return replace(self._modules.get(key, lambda: family_module(law, family, density_kg_m3)), law=law)
+        key = (repr(family.config.canonical()), density_kg_m3, *regions.items())
+        return replace(
+            self._modules.get(key, lambda: family_module(law, family, density_kg_m3, regions)), law=law
+        )

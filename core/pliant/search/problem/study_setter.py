@@ -64,11 +64,7 @@ class StudySetter:
         try:
             if isinstance(held, tuple):
                 return _adapter(tuple(type(item) for item in held)).validate_python(raw)
-            model = (
-                type(held)
-                if held is not None
-                else self._registry.get(BLOCKS[head], raw["kind"]).config_model()
-            )
+            model = type(held) if held is not None else self._registry.config_model(BLOCKS[head], raw)
             return model.model_validate(raw)
         except ValidationError as error:
             raise _refused(

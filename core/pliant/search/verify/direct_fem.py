@@ -14,7 +14,7 @@ from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.meta_model.designs import solved_designs
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench
-from pliant.records.fem import PASSED
+from pliant.records.fem import PASSED, TOUCHING
 from pliant.registry.discovery import Registry
 from pliant.search.problem.study_setter import changed
 
@@ -70,7 +70,7 @@ def direct_studies(bench: Workbench, studies: Sequence[Study]) -> tuple[list[Stu
         limit = f"tendon_force_max: {fem.tendon_force_max_n or 0:g} N"
         if fem.pressure_max_pa is not None:
             limit = f"pressure_max: {fem.pressure_max_pa / 1e3:g} kPa"
-        passed = ", self_contact: pass" if fem.self_contact == "pass" else ""
+        passed = "" if fem.self_contact == "end" else f", self_contact: {fem.self_contact}"
         sentences.append(
             f"The study has no 'fem' block; the check used {{kind: {fem.kind}, {limit}{passed}}}, which covers the "
             "meta-model's data and the task."
@@ -89,7 +89,7 @@ def direct_studies(bench: Workbench, studies: Sequence[Study]) -> tuple[list[Stu
 def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     """An FEM block for designs of a meta-model's table: as wide as the table and as the studies' tasks.
 
-    States that overlap are passed where the table passes them.
+    Walls that meet are treated as the table treats them.
     """
     family: ActuatorFamily = bench.build("family", studies[0].need("family", "FEM"))
     data = solved_designs(bench, studies[0]).designs.data
@@ -103,10 +103,11 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
         for k, axis in enumerate(one.axes)
         if axis != one.main_axis and np.any(one.explored == axis)
     ]
-    passed = any(np.any(one.status == PASSED) for one in data)
+    treated = {PASSED: "pass", TOUCHING: "solve"}
+    seen = [how for status, how in treated.items() if any(np.any(one.status == status) for one in data)]
     block = {
         "kind": DEFAULT_FEM,
-        "self_contact": "pass" if passed else "stop",
+        "self_contact": (*seen, "end")[0],
         LIMITS[family.actuation]: most,
     }
     if lateral:

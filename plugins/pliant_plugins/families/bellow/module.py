@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +11,7 @@ from pydantic import Field
 
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.mechanics.rotations import exp_map
-from pliant.meshing.masses import half_masses
+from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.meshing.surfaces import half_skins
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh
@@ -61,9 +62,9 @@ class Bellow(ActuatorFamily):
         """The skin of the mesh: the undulating wall, open at both ends as the modules are, and what is fused to it."""
         return half_skins(self._half)
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
-        return half_masses(self._half, density_kg_m3)
+        return half_masses(self._half, density_kg_m3, regions=regions)
 
 
 class MidSurfaceBellow(Bellow):

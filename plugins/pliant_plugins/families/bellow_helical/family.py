@@ -8,13 +8,14 @@ alone. In its mass: the part of the rod inside the cavity.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from pliant.errors import InvalidDesignError
-from pliant.meshing.masses import mirrored
+from pliant.meshing.masses import UNIFORM, mirrored
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import Closing, ModuleMesh, ModuleProblem, Ribbon
 from pliant.records.law import JointKind
@@ -24,6 +25,7 @@ from pliant_plugins.families.bellow.profile import BellowProfile, mm
 from pliant_plugins.families.bellow.revolved import RevolvedCounts, ring, sector
 
 OFFSET = 0.825  # of r
+WIDTH = 0.65  # of the rod's chord
 ALL = ("x", "y", "z")
 # Share of its length that the outermost fibre keeps: with less, stiffness rises a hundredfold within 0.05 rad.
 CLOSED = 0.15
@@ -35,9 +37,8 @@ class BellowHelicalConfig(MidSurfaceConfig):
     """A bellow of mid-surface radii r (trough) and 2R − r (crest), wall ± t/2, with a constraint along one side.
 
     The constraint's shape is not published. Its distance from the tube's axis and its stiffness are fitted to the
-    published bending data of one design, on its free curve and its moments at 15 kPa. Its width decides bending about
-    z and is not identified by them. See `benchmarks/families/helical.py`. Which values make a valid design is the
-    family's own check.
+    published bending data of one design, on its free curve and its moments at 15 kPa, its width to the bending about
+    z at 15 kPa. See `benchmarks/families/helical.py`. Which values make a valid design is the family's own check.
     """
 
     kind: Literal["bellow_helical"] = "bellow_helical"
@@ -47,7 +48,7 @@ class BellowHelicalConfig(MidSurfaceConfig):
     )
     constraint_width_m: Length | None = Field(
         default=None,
-        description="width of the constraint along y, which stiffens bending about z; unless given, that of the "
+        description=f"width of the constraint along y, which stiffens bending about z; unless given, {WIDTH} of the "
         "study's rod (diameter R − t, touching the line at r) at the constraint's height",
     )
     constraint_stiffness_n: Force = Field(
@@ -95,10 +96,10 @@ class BellowHelical(MidSurfaceBellow):
 
     @property
     def constraint_width_m(self) -> float:
-        """Width of the constraint along y: as given, or that of the study's rod at its height (0 outside the rod)."""
+        """Width of the constraint along y: as given, or a share of the rod at its height (0 outside the rod)."""
         if self.config.constraint_width_m is not None:
             return self.config.constraint_width_m
-        return rod_chord(self.geometry, self.offset_m)
+        return WIDTH * rod_chord(self.geometry, self.offset_m)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """For y alone half a module, half its width; otherwise the whole module from trough to trough.
@@ -170,9 +171,9 @@ class BellowHelical(MidSurfaceBellow):
         """The constraint's part inside the cavity, as the study's masses have it."""
         return float(2 * thread_points(self.geometry)[1].sum())
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves: the wall by quadrature over the mesh, and the constraint."""
-        wall = super().mass(density_kg_m3)
+        wall = super().mass(density_kg_m3, regions)
         thread = thread_mass(self.geometry, density_kg_m3, self.offset_m)
         return ModuleMass(wall.start.joined(thread.start), wall.end.joined(thread.end))
 

@@ -6,6 +6,7 @@ its surface and its collision shapes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -14,10 +15,11 @@ import numpy as np
 from pydantic import Field
 
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.cells import SQUARE
 from pliant.meshing.grids import block, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
-from pliant.meshing.masses import half_masses, meshed_mass, mirrored
-from pliant.meshing.surfaces import FACE, half_skins
+from pliant.meshing.masses import UNIFORM, half_masses, meshed_mass, mirrored
+from pliant.meshing.surfaces import half_skins
 from pliant.meshing.surfaces import mirrored as mirrored_surface
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
@@ -119,9 +121,9 @@ class TendonJoint(ActuatorFamily):
         flexure, link = half_skins(self._flexure), link_surface(self._link)
         return HalfSurfaces(flexure.start, flexure.end, mirrored_surface(link, 0), link)
 
-    def mass(self, density_kg_m3: float) -> ModuleMass:
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves: the flexure of the material's density, the links of their own."""
-        flexure = half_masses(self._flexure, density_kg_m3)
+        flexure = half_masses(self._flexure, density_kg_m3, regions=regions)
         link = meshed_mass(self._link, self.link_density_kg_m3)
         return ModuleMass(start=flexure.start.joined(mirrored(link, 0)), end=flexure.end.joined(link))
 
@@ -172,7 +174,7 @@ def link_mesh(geometry: JointGeometry) -> ModuleMesh:
 
 def link_surface(mesh: ModuleMesh) -> TriangleMesh:
     """The end link's skin as triangles."""
-    return TriangleMesh(mesh.nodes_m, mesh.skin[:, FACE].reshape(-1, 3))
+    return TriangleMesh(mesh.nodes_m, mesh.skin[:, SQUARE].reshape(-1, 3))
 
 
 def half_shapes(geometry: JointGeometry) -> HalfShapes:

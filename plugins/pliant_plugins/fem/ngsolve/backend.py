@@ -18,6 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from pliant.errors import UserError
+from pliant.interfaces.by_region import material_by_cell
 from pliant.interfaces.fem import FEMBackend
 from pliant.interfaces.material import Material
 from pliant.meshing.hexahedra import cell_volumes, shape_slopes
@@ -28,7 +29,7 @@ from pliant_plugins.fem.constraints import Constraints
 from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, Forms, build_forms
 from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
-from pliant_plugins.fem.ngsolve.mesh import LATTICE, curved_mesh, eliminate, nodal_table
+from pliant_plugins.fem.ngsolve.mesh import LATTICE, cell_values, curved_mesh, eliminate, nodal_table
 from pliant_plugins.fem.rod_solver import RodSolver, field_values
 
 # NGSolve's assembly lets other Python threads run and has one heap for all of them.
@@ -243,10 +244,10 @@ def deformation_gradients(
     return np.asarray(S + across[..., :, None] * S[..., :1, :])
 
 
-def nodal_fields(material: Material, F: Array, pressure: Array | None, cells: IntArray) -> dict[str, Array]:
-    """Fields (n,) of `ModuleFields` from F (m, 27, 3, 3) and, of a mixed law, q (m, 27) in Pa."""
+def nodal_fields(material: Material, F: Array, pressure: Array, cells: IntArray) -> dict[str, Array]:
+    """Fields (n,) of `ModuleFields` from F (m, 27, 3, 3) and q (m, 27) in Pa, NaN where the law is not mixed."""
     J = np.linalg.det(F)
-    ratio = J if pressure is None else 1 + pressure / material.bulk_modulus_pa
+    ratio = np.where(np.isnan(pressure), J, 1 + pressure / material.bulk_modulus_pa)
     seen = (ratio / J)[..., None, None] ** (1 / 3) * F
     law = material.evaluate(seen)
     stress = law.stress @ np.swapaxes(seen, -1, -2) / ratio[..., None, None]
@@ -265,7 +266,7 @@ class NgsolveSolver(RodSolver):
     remembered = 6
 
     def __init__(self, config: NgsolveConfig, problem: ModuleProblem, material: Material) -> None:
-        self.material = material
+        self.material = material_by_cell(problem.mesh, material)
         mesh = curved_mesh(problem.mesh)
         forms = build_forms(mesh, problem, material, config.order)
         scalar = ngs.H1(mesh, order=config.order)
@@ -281,7 +282,6 @@ class NgsolveSolver(RodSolver):
         )
         self._table = nodal_table(scalar, problem.mesh)
         self._scalar = scalar
-        self._pressures = nodal_table(ngs.H1(mesh, order=config.order - 1), problem.mesh)
         prismatic = problem.joint == "prismatic"
         names = (STRAIN,) if prismatic else problem.axes
         scale = problem.deformation_scale * (problem.span_m if prismatic else 1.0)
@@ -294,10 +294,11 @@ class NgsolveSolver(RodSolver):
         turn, strain = self._frame(x)
         shift = self.problem.span_m * x[: 3 * self._scalar.ndof].reshape(3, -1).T
         F = deformation_gradients(self.problem, self._scalar, shift, turn, strain)
-        pressure = None
-        if self.system.forms.mixed:
-            unknowns = x[3 * self._scalar.ndof : self.system.fields]
-            pressure = self.material.shear_modulus_pa * (self._pressures @ unknowns)[mesh.cells]
+        pressure, first = np.full(mesh.cells.shape, np.nan), 3 * self._scalar.ndof
+        for solid in self.system.forms.pressures:
+            unknowns = x[first : first + solid.space.ndof]
+            pressure[solid.cells] = solid.scale_pa * cell_values(solid.space, unknowns, solid.cells)
+            first += solid.space.ndof
         return ModuleFields(
             points_m=mesh.nodes_m,
             displacement_m=self.deformed_nodes(state) - mesh.nodes_m,
@@ -328,9 +329,11 @@ class Ngsolve(FEMBackend):
     """NGSolve: Taylor–Hood hexahedra of order 2 or 3, energies differentiated symbolically, sparse LDLᵀ."""
 
     config: NgsolveConfig
+    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> NgsolveSolver:
-        """Raises `UserError` for a frame, actuation, link or material that this backend does not know."""
+        """Raises `UserError` for a frame, actuation, link, material or requirement that this backend does not know."""
+        self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'ngsolve' solves frame 'rod' only, not '{problem.frame}'.")
         with ONE_AT_A_TIME:

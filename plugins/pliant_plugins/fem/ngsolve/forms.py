@@ -27,10 +27,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from pliant.errors import UserError
+from pliant.interfaces.by_region import region_numbers, solids_of
 from pliant.interfaces.material import Material
-from pliant.records.fem import ModuleProblem
+from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.ngsolve.library import ngs
-from pliant_plugins.fem.ngsolve.mesh import CAVITY, END
+from pliant_plugins.fem.ngsolve.mesh import CAVITY, END, SOLID
 
 LARGEST_POWER = 8  # of the stretches in Ogden's law
 
@@ -133,18 +134,33 @@ class Forms:
     """Two functionals of the same unknowns.
 
     Attributes:
-        space: displacements × pressures (where the law is mixed) × one number for each global.
+        space: displacements × pressures of each solid whose law is mixed × one number for each global.
         stored: U in J, stationary in the pressures.
         worked: W of the piece's potential U − a W, a the actuation: in m³ or m.
         globals_: names of the numbers: axes of Θ, then "strain" for e.
-        mixed: whether the space has pressures.
+        pressures: of each mixed solid.
     """
 
     space: Any
     stored: Any
     worked: Any
     globals_: tuple[str, ...]
-    mixed: bool
+    pressures: tuple[Pressures, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Pressures:
+    """The pressures q/μ of one mixed solid; those of another material may jump at the border.
+
+    Attributes:
+        space: their scalar space.
+        cells: numbers of the solid's cells.
+        scale_pa: μ.
+    """
+
+    space: Any
+    cells: IntArray
+    scale_pa: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +243,14 @@ def global_names(problem: ModuleProblem) -> tuple[str, ...]:
 
 def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: int) -> Forms:
     """Space and functionals. Raises `UserError` for a law or actuation without symbols."""
-    names, mixed = global_names(problem), is_mixed(material)
-    fields = [ngs.VectorH1(mesh, order=order)] + ([ngs.H1(mesh, order=order - 1)] if mixed else [])
+    names, solids = global_names(problem), solids_of(problem.mesh, material)
+    where = [ngs.dx] if len(solids) == 1 else [ngs.dx(definedon=_domain(mesh, problem, s)) for s, _ in solids]
+    pressures = tuple(
+        Pressures(_pressure_space(mesh, problem, cells, order - 1), cells, own.shear_modulus_pa)
+        for cells, own in solids
+        if is_mixed(own)
+    )
+    fields = [ngs.VectorH1(mesh, order=order), *(one.space for one in pressures)]
     space = ngs.FESpace(fields + [ngs.NumberSpace(mesh) for _ in names])
     trial = space.TrialFunction()
     numbers = dict(zip(names, trial[len(fields) :], strict=True))
@@ -236,20 +258,21 @@ def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: in
     L = problem.span_m
     turn = tuple(numbers.get(axis, nothing) for axis in AXES)
     frame = Frame(problem, L * trial[0], (turn[0], turn[1], turn[2]), numbers.get(STRAIN, nothing))
-    pressure = material.shear_modulus_pa * trial[1] if mixed else nothing
 
     # what depends on the numbers alone, or on the end section as one, is spread over that section
     section = float(ngs.Integrate(ngs.CF(1) * ngs.ds(END, bonus_intorder=EXTRA_ORDER), mesh))
     end = ngs.ds(END, bonus_intorder=EXTRA_ORDER)
-    energy = density(material, frame.deformation_gradient(L * ngs.Grad(trial[0])), pressure)
+    F, unknown = frame.deformation_gradient(L * ngs.Grad(trial[0])), iter(trial[1:])
     stored = ngs.BilinearForm(space)
-    stored += ngs.Variation(energy.Compile() * ngs.dx)
+    for (_, own), inside in zip(solids, where, strict=True):
+        pressure = own.shear_modulus_pa * next(unknown) if is_mixed(own) else nothing
+        stored += ngs.Variation(density(own, F, pressure).Compile() * inside)
     if problem.ribbons:
         stored += ngs.Variation((frame.ribbons() / section).Compile() * end)
     worked = ngs.BilinearForm(space)
     if problem.actuation == "pressure_pa":
-        inside = frame.cavity(L * ngs.Grad(trial[0]).Trace())
-        worked += ngs.Variation(inside.Compile() * ngs.ds(CAVITY, bonus_intorder=EXTRA_ORDER))
+        volume = frame.cavity(L * ngs.Grad(trial[0]).Trace())
+        worked += ngs.Variation(volume.Compile() * ngs.ds(CAVITY, bonus_intorder=EXTRA_ORDER))
     elif problem.actuation == "tendon_force_n":
         # the module's tendon is `deformation_scale` pieces long; its potential is shared by `energy_scale`
         share = problem.deformation_scale / problem.energy_scale / section
@@ -258,4 +281,18 @@ def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: in
         raise UserError(
             f"fem 'ngsolve' drives modules by 'pressure_pa' or 'tendon_force_n', not '{problem.actuation}'."
         )
-    return Forms(space, stored, worked, names, mixed)
+    return Forms(space, stored, worked, names, pressures)
+
+
+def _domain(mesh: Any, problem: ModuleProblem, cells: IntArray) -> Any:
+    """The domain of a solid, by one of its cells."""
+    return mesh.Materials(f"{SOLID}{region_numbers(problem.mesh)[cells[0]]}")
+
+
+def _pressure_space(mesh: Any, problem: ModuleProblem, cells: IntArray, order: int) -> Any:
+    """Continuous within a solid, with unknowns in its cells alone."""
+    if len(cells) == len(problem.mesh.cells):
+        return ngs.H1(mesh, order=order)
+    domain = _domain(mesh, problem, cells)
+    everywhere = ngs.H1(mesh, order=order, definedon=domain)
+    return ngs.Compress(everywhere, active_dofs=everywhere.GetDofs(domain))

@@ -20,6 +20,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pliant.errors import ContractError, UserError
+from pliant.interfaces.by_region import region_numbers
 from pliant.meshing.hexahedra import FACES, jacobians, sample_points
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
@@ -29,6 +30,7 @@ from pliant_plugins.fem.ngsolve.library import netgen, ngs
 CORNERS = (0, 2, 8, 6, 18, 20, 26, 24)  # lexicographic places of NGSolve's hexahedron's vertices
 FACE_CORNERS = (0, 2, 8, 6)  # of a face, in the order that keeps its normal
 CAVITY, END, OUTSIDE = "cavity", "end", "outside"
+SOLID = "solid"  # begins the name of a domain; the number of its region follows, 0 for the body
 # (ξ, η, ζ) ∈ {0, ½, 1}³ of a cell's nodes
 LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)]) / 2
 
@@ -36,17 +38,18 @@ LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range
 def curved_mesh(mesh: ModuleMesh) -> Any:
     """The NGSolve mesh; its cells are those of `mesh` in order, its vertices the corner nodes, ascending.
 
-    Boundary elements are named `cavity`, `end` (of the end section) or `outside`. Raises `ContractError` where a
-    cell is inverted.
+    Domains are named `solid0` (the body), `solid1`, … in the order of the mesh's regions; boundary elements `cavity`,
+    `end` (of the end section) or `outside`. Raises `ContractError` where a cell is inverted.
     """
     if not np.all(jacobians(mesh.nodes_m, mesh.cells, sample_points()) > 0):
         raise ContractError("the family's mesh has inverted cells: det ∂X/∂ξ ≤ 0")
     corners = corner_nodes(mesh)
     straight = netgen.Mesh(dim=3)
     points = {int(node): straight.Add(netgen.MeshPoint(netgen.Pnt(*mesh.nodes_m[node]))) for node in corners}
-    straight.SetMaterial(1, "solid")
-    for cell in mesh.cells[:, CORNERS].tolist():
-        straight.Add(netgen.Element3D(1, [points[node] for node in cell]))
+    for number in range(len(mesh.regions) + 1):
+        straight.SetMaterial(number + 1, f"{SOLID}{number}")
+    for number, cell in zip(region_numbers(mesh).tolist(), mesh.cells[:, CORNERS].tolist(), strict=True):
+        straight.Add(netgen.Element3D(number + 1, [points[node] for node in cell]))
     numbers = {}
     for place, name in enumerate((CAVITY, END, OUTSIDE)):
         face = netgen.FaceDescriptor(surfnr=place + 1, domin=1, domout=0, bc=place + 1)
@@ -101,6 +104,16 @@ def nodal_table(space: Any, mesh: ModuleMesh) -> sparse.csr_matrix:
     table.data[np.abs(table.data) < 1e-14] = 0.0
     table.eliminate_zeros()
     return table
+
+
+def cell_values(space: Any, unknowns: Array, cells: IntArray) -> Array:
+    """(k, 27) values of a scalar field at the nodes of some cells (k,), from all its unknowns."""
+    values = np.empty((len(cells), 27))
+    for place, cell in enumerate(cells.tolist()):
+        element = ngs.ElementId(ngs.VOL, cell)
+        shape, own = space.GetFE(element), unknowns[list(space.GetDofNrs(element))]
+        values[place] = [np.array(shape.CalcShape(*point)) @ own for point in LATTICE]
+    return values
 
 
 def node_unknowns(space: Any, mesh: ModuleMesh) -> list[IntArray]:

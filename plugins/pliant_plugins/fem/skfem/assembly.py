@@ -14,11 +14,13 @@ import itertools
 
 import numpy as np
 
+from pliant.interfaces.by_region import material_by_cell
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
+from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
@@ -34,11 +36,18 @@ class Assembler:
     Attributes:
         size: number of dofs, the globals left out.
         displacements, volumes, pressures: places of v, ϑ and q in x; U is stationary but not least in q.
+        contact: the skin that may meet the mirror planes; None where contact is not solved.
     """
 
-    def __init__(self, problem: ModuleProblem, material: Material, dilatation: Dilatation = "cell") -> None:
+    def __init__(
+        self,
+        problem: ModuleProblem,
+        material: Material,
+        dilatation: Dilatation = "cell",
+        contact: bool = False,
+    ) -> None:
         mesh = problem.mesh
-        self.problem, self.material = problem, material
+        self.problem, self.material = problem, material_by_cell(mesh, material)
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
         self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
@@ -52,8 +61,15 @@ class Assembler:
         self.size = v + 2 * count
         self.displacements, self.volumes = slice(0, v), slice(v, v + count)
         self.pressures = slice(v + count, self.size)
-        cellwise = count if dilatation == "cell" else 0
-        self.pattern, (self._cell_scatter, self._face_scatter) = sparsity(held, groups, cellwise)
+        cellwise = count if pressure is not None and pressure.vertices is None else 0
+        self.contact = (
+            PlaneContact.of(problem, material.shear_modulus_pa, self.volume_m3) if contact else None
+        )
+        # the skin's nodes share cells: its group adds no entry to the matrix
+        groups += [] if self.contact is None else [3 * self.contact.faces.nodes]
+        self.pattern, (self._cell_scatter, self._face_scatter, *self._skin_scatter) = sparsity(
+            held, groups, cellwise
+        )
         self._rise = _rise_of_end(problem)
         self._cell_rows, self._face_rows = self._operators()
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches
@@ -67,7 +83,7 @@ class Assembler:
     def _operators(self) -> tuple[Rows, Rows]:
         """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z, then volume and pressure."""
         cells, faces = self.cells, self.faces
-        value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, 27))
+        value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, cells.value.shape[1]))
         both = np.concatenate([cells.gradient, value], axis=2)
         y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
         solid: Rows = (cells.gradient, y, z)
@@ -81,10 +97,16 @@ class Assembler:
         return self.problem.mesh.nodes_m + x[self.displacements].reshape(-1, 3)
 
     def elastic_energy(self, x: Array) -> Terms | None:
-        """U (J) of the piece, its ribbons included; `None` where a cell is inverted."""
+        """U (J) of the piece, its ribbons and what contact stores included; `None` where a cell is inverted."""
         solid = self.strain_energy(x)
-        if solid is None or not self.problem.ribbons:
-            return solid
+        if solid is None:
+            return None
+        touching = None if self.contact is None else self.contact.energy(x, self.globals)
+        if self.contact is not None and touching is not None:
+            rows = (self.contact.faces.value[None, :, None],)
+            solid = solid.plus(
+                1.0, self._gather(x, touching, self.contact.weight, rows, self._skin_scatter[0])
+            )
         turn, strain = self.globals.split(x)
         for ribbon in self.problem.ribbons:
             solid = solid.plus(
@@ -114,7 +136,7 @@ class Assembler:
     def _motion(self, x: Array) -> RodMotion:
         local = self.positions(x)[self.cells.nodes]
         m, q = self.cells.weight.shape
-        S = self.cells.gradient.reshape(m, 3 * q, 27) @ local
+        S = self.cells.gradient.reshape(m, 3 * q, -1) @ local
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
         k, strain = self.globals.curvature(x)
         return motion(self.variables, S, self._lateral(local, self.cells.value), k, strain)

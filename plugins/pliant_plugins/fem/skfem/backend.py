@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from skfem import ElementHex1, ElementHex2
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
-from pliant.interfaces.material import Material
+from pliant.interfaces.material import Material, require_regions
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
-from pliant_plugins.fem.rod_solver import RodSolver, field_values
+from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
+from pliant_plugins.fem.skfem.basis import element_of
+from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.structure import SkfemStructure
@@ -86,18 +87,13 @@ def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFiel
 def at_nodes(assembler: Assembler, values: Array) -> Array:
     """(n,) at nodes from (m, q) at quadrature points."""
     cells, count = assembler.cells, len(assembler.problem.mesh.nodes_m)
-    at_nodes = ElementHex2().doflocs
+    of = element_of(assembler.problem.mesh.cells)
+    at_nodes = of.solid.doflocs
     at_points = cells.value @ at_nodes
-    local = values @ (_trilinear(at_nodes) @ np.linalg.pinv(_trilinear(at_points))).T
+    local = values @ (of.linear(at_nodes) @ np.linalg.pinv(of.linear(at_points))).T
     nodes = cells.nodes.ravel()
     totals = np.bincount(nodes, local.ravel(), count)
     return totals / np.bincount(nodes, minlength=count)
-
-
-def _trilinear(points: Array) -> Array:
-    """(n, 8) functions at reference points (n, 3)."""
-    element = ElementHex1()
-    return np.stack([element.lbasis(points.T, i)[0] for i in range(8)], axis=-1)
 
 
 class SkfemSolver(RodSolver):
@@ -108,7 +104,9 @@ class SkfemSolver(RodSolver):
     """
 
     def __init__(self, config: SkfemConfig, problem: ModuleProblem, material: Material) -> None:
-        self.assembler = Assembler(problem, material, config.dilatation)
+        self.assembler = Assembler(
+            problem, material, config.dilatation, contact=config.self_contact == "solve"
+        )
         self.linear = linear_solver(config.linear_solver, self.assembler.pattern)
         # a uniform shear of 1 stores this much: the natural scale of a correction's work
         unit = float(material.evaluate(np.eye(3)).tangent[0, 1, 0, 1] * self.assembler.volume_m3)
@@ -124,6 +122,13 @@ class SkfemSolver(RodSolver):
     def cavity_volume(self, state: FemState) -> float:
         """Volume (m³) of the whole module's cavity."""
         return self.problem.energy_scale * self.assembler.cavity(state.solution).value
+
+    def _touching(self, x: Array) -> Touch | None:
+        contact = self.assembler.contact
+        if contact is None:
+            return None
+        share = contact.deepest(x, self._frame(x)[1])
+        return "free" if share == 0 else "solved" if share <= DEEPEST else "deep"
 
     def _undeformed(self) -> Array:
         return np.zeros(self.assembler.count)
@@ -141,9 +146,11 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
+    knows = frozenset({"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
-        """Raises `UserError` for another frame or actuation than this backend knows."""
+        """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
+        self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
         if problem.actuation not in ("pressure_pa", "tendon_force_n"):
@@ -157,4 +164,5 @@ class Skfem(FEMBackend):
 
     def structure(self, problem: StructureProblem, material: Material) -> SkfemStructure:
         """A solver for a body of several modules."""
+        require_regions(problem.mesh.regions, material.regions)
         return SkfemStructure(self.config, problem, material)

@@ -168,7 +168,10 @@ def _enough(data: FemDataset | ModuleData, fitted: Mask, law: str) -> None:
         left_out = "".join(
             f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
         )
-        let_pass = "; 'fem.self_contact: pass' keeps states in which convolutions go through each other"
+        let_pass = (
+            "; 'fem.self_contact: pass' keeps states in which convolutions go through each other, 'solve' lets their "
+            "walls hold each other"
+        )
         raise UserError(
             f"{law}{f' of {k} coupled axes' if k > 1 else ''} needs at least {wanted} states to fit besides those that "
             f"score it, and there are {count}{left_out}{let_pass if SELF_CONTACT in names else ''}"
