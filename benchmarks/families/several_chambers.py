@@ -1,7 +1,7 @@
 """Modules of several chambers: laws of several pressures against direct FEM, engines under nine of them.
 
-(a) Two opposed chambers: one law τ(p₁, p₂, u) against direct FEM at unseen pressures and moments, beside a sum of two laws
-of one chamber, with the elasticity in each of them and with it once.
+(a) Two opposed chambers: one law τ(p₁, p₂, u) against direct FEM at unseen pressures and moments, beside a sum of two
+laws of one chamber, with the elasticity in each of them and with it once.
 (b) Three chambers: the law of three pressures and three angles on states that no fit has seen, by the number of states.
 (c) Three segments of three chambers, eight modules each, nine pressures, gravity and a force at the tip: engines, and
 the time of a cold quasi-static solve.
