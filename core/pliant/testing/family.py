@@ -18,7 +18,8 @@ from pliant.meshing.cells import (
     face_keys,
     kind_of,
 )
-from pliant.records.actuation import expected, is_known, kind_of
+from pliant.records.actuation import expected, is_known
+from pliant.records.actuation import kind_of as actuation_kind
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.testing import Finding, Subject, agree, once, require, require_refused
@@ -100,7 +101,7 @@ def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
     """
     problem, mesh = _problem(subject), _problem(subject).mesh
     pressures = [
-        name for name in problem.actuations if is_known(name) and kind_of(name).name == "pressure_pa"
+        name for name in problem.actuations if is_known(name) and actuation_kind(name).name == "pressure_pa"
     ]
     if not pressures:
         require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
@@ -108,9 +109,11 @@ def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
     if len(problem.actuations) > 1:
         for name in pressures:
             require(len(mesh.cavities.get(name, ())) > 0, f"'{name}' has no faces in `mesh.cavities`")
-        parts = np.concatenate([mesh.cavities[name][:, FACE_CENTRE] for name in pressures])
-        whole = np.sort(mesh.cavity[:, FACE_CENTRE])
-        require(np.array_equal(np.sort(parts), whole), "`cavities` together are not the faces of `cavity`")
+        parts = sorted(
+            key for name in pressures for key in map(tuple, face_keys(mesh.cavities[name]).tolist())
+        )
+        whole = sorted(map(tuple, face_keys(mesh.cavity).tolist()))
+        require(parts == whole, "`cavities` together are not the faces of `cavity`")
     require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
     faces = boundary_faces(mesh.cells)[0]
     skin = dict(zip(map(tuple, face_keys(faces).tolist()), faces, strict=True))
