@@ -174,7 +174,7 @@ class ModuleSolver(ABC):
         """
 
     def loaded(
-        self, actuation: float, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
+        self, actuation: Levels, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
     ) -> FemState:
         """Equilibrium under a dead external effort about one axis, N·m (N for a prismatic joint).
 
@@ -196,8 +196,8 @@ class ModuleSolver(ABC):
         found = loaded_state(self.constrained, actuation, axis, moment, start, axes)
         if found is None:
             raise StateNotConvergedError(
-                f"no equilibrium at {actuation:.6g} under {moment:.4g} about {axis} from the state at "
-                f"{start.actuation:.6g}, {start.angle_rad:.4g}: the iteration for the angle did not converge."
+                f"no equilibrium at {_named(actuation)} under {moment:.4g} about {axis} from the state at "
+                f"{_named(start.actuation)}, {start.angle_rad:.4g}: the iteration for the angle did not converge."
             )
         return found
 
@@ -270,8 +270,8 @@ class FEMBackend(Configured[FemConfig]):
 
 
 def loaded_state(
-    constrained: Callable[[float, Mapping[str, float], FemState], FemState],
-    actuation: float,
+    constrained: Callable[[Levels, Mapping[str, float], FemState], FemState],
+    actuation: Levels,
     axis: str,
     effort: float,
     start: FemState,
@@ -300,7 +300,13 @@ def loaded_state(
     return None
 
 
-def _tangent(state: FemState, actuation: float, efforts: Array) -> Array:
-    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M."""
-    missing = efforts - state.tau - state.dtau_dp * (actuation - state.actuation)
+def _tangent(state: FemState, actuation: Levels, efforts: Array) -> Array:
+    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M, Δp (m,) of several."""
+    rise = np.asarray(actuation) - state.actuation
+    moved = state.dtau_dp * rise if rise.ndim == 0 else state.dtau_dp @ rise
+    missing = efforts - state.tau - moved
     return np.asarray(np.linalg.solve(state.dtau_du, missing))
+
+
+def _named(actuation: Levels) -> str:
+    return ", ".join(f"{value:.6g}" for value in np.atleast_1d(actuation).tolist())

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy  # scipy.stats only where a law is fitted
+from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
@@ -151,10 +152,10 @@ class _System:
         return np.column_stack([box.mean(axis=1), np.ptp(box, axis=1) / 2])
 
     @cached_property
-    def known(self) -> Array:
+    def known(self) -> NDArray[np.bool_]:
         """(n,) whether energy and travels are there."""
         travels = np.isfinite(self.data.travel).all(axis=1)
-        return np.isfinite(self.data.energy_j) & travels
+        return np.asarray(np.isfinite(self.data.energy_j) & travels)
 
     @property
     def with_energy(self) -> bool:
