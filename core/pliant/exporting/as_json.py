@@ -9,19 +9,17 @@ from typing import Any
 from pliant.exporting.tape import INPUT, NUMBER
 from pliant.exporting.written_law import LEVEL, WrittenLaw
 
-READER = '''"""Reads a law that Pliant wrote as JSON: outputs(law, pressure, angle, ...) -> {"tau": [...], "dtau_dp": ...}."""
-import json, math, operator as op, pathlib
+READER = '''"""Laws that Pliant wrote as JSON: outputs(read("x_law.json"), pressure, angle) has tau and its slopes."""
+import json, math, operator as op
 
-DO = {"+": op.add, "-": op.sub, "*": op.mul, "/": op.truediv, "<": op.lt, "<=": op.le, ">": op.gt, ">=": op.ge, "==": op.eq,
-      "!=": op.ne, "and": op.and_, "or": op.or_, "not": op.not_, "min": min, "max": max, "abs": abs, "trunc": math.trunc,
-      "?": lambda test, yes, no: yes if test else no, **{f: getattr(math, f) for f in ("tanh", "exp", "log", "sqrt", "sin", "cos")}}
+DO = {"+": op.add, "-": op.sub, "*": op.mul, "/": op.truediv, "<": op.lt, "<=": op.le, ">": op.gt, ">=": op.ge,
+      "==": op.eq, "!=": op.ne, "and": op.and_, "or": op.or_, "not": op.not_, "min": min, "max": max, "abs": abs,
+      "?": lambda test, yes, no: yes if test else no, **vars(math)}
+def read(path): return json.load(open(path, encoding="utf-8"))
 def outputs(law, *inputs):
-    v = []
-    for name, *k in law["steps"]:
-        v.append(inputs[k[0]] if name == "input" else k[0] if name == "number" else law["table"][int(v[k[0]])] if name == "take"
-                 else DO[name](*(v[i] for i in k)))
+    v, get = [], {"input": inputs.__getitem__, "number": float, "take": lambda k: law["table"][int(v[k])]}
+    for name, *k in law["steps"]: v.append(get[name](k[0]) if name in get else DO[name](*(v[i] for i in k)))
     return {name: [v[i] for i in places] for name, places in law["outputs"].items()}
-def read(path): return json.loads(pathlib.Path(path).read_text())
 '''
 
 

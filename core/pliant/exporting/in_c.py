@@ -22,7 +22,12 @@ def in_c(law: WrittenLaw) -> str:
     usual = tape.usual(*_middle(law))
     domain = ", ".join(f"{{{_number(low)}, {_number(high)}}}" for low, high in law.domain)
     lines = [
-        *_comment([f"Joint law '{name}', written by Pliant. Needs nothing but the C library (C99; link with -lm).", *law.about]),
+        *_comment(
+            [
+                f"Joint law '{name}', written by Pliant. Needs nothing but the C library (C99; link with -lm).",
+                *law.about,
+            ]
+        ),
         f"#ifndef {guard}",
         f"#define {guard}",
         "#include <math.h>",
@@ -34,7 +39,9 @@ def in_c(law: WrittenLaw) -> str:
         f"static const double {name}_domain[{law.m + law.a}][2] = {{{domain}}};",
     ]
     if law.band is not None:
-        lines.append(f"static const double {name}_band_90[{law.a}] = {{{', '.join(map(_number, law.band))}}};")
+        lines.append(
+            f"static const double {name}_band_90[{law.a}] = {{{', '.join(map(_number, law.band))}}};"
+        )
     if len(tape.table):
         numbers = ", ".join(map(_number, tape.table))
         table = textwrap.fill(numbers, WIDTH, initial_indent="    ", subsequent_indent="    ")
@@ -77,11 +84,11 @@ def _many(law: WrittenLaw, usual: Tape) -> list[str]:
     """Blocks of points go the usual way side by side; those that go another way are done again one by one."""
     name = law.name
     sizes = {"p": law.m, "u": law.a}
-    outs = {"tau": law.a, "dtau_dp": law.a * law.m, "dtau_du": law.a * law.a}
+    outs = {"tau": ("tau", law.a), "dtau_dp": ("dp", law.a * law.m), "dtau_du": ("du", law.a * law.a)}
     places = [f"{array}[{_at(k)}]" for array, count in sizes.items() for k in range(count)]
     body = _body(usual, places, name, "            ")
     return [
-        f"/* The same at n points; component k of point i stands at [k*n + i]. About {BLOCK} points go through together",
+        f"/* The same at n points; component k of point i stands at [k*n + i]; {BLOCK} points go through together",
         "   (let the compiler vectorise: -O3 -march=native). */",
         f"static inline void {name}_many(size_t n, const double *restrict p, const double *restrict u,",
         "    double *restrict tau, double *restrict dtau_dp, double *restrict dtau_du)",
@@ -106,11 +113,15 @@ def _many(law: WrittenLaw, usual: Tape) -> list[str]:
         "            if (unusual[i - start] == 0.0) continue;",
         f"            double one_p[{law.m}], one_u[{law.a}], one_tau[{law.a}];",
         f"            double one_dp[{law.a * law.m}], one_du[{law.a * law.a}];",
-        *(f"            one_{array}[{k}] = {array}[{_at(k)}];" for array, c in sizes.items() for k in range(c)),
+        *(
+            f"            one_{array}[{k}] = {array}[{_at(k)}];"
+            for array, c in sizes.items()
+            for k in range(c)
+        ),
         f"            {name}(one_p, one_u, one_tau, one_dp, one_du);",
         *(
-            f"            {out}[{_at(j)}] = one_{out.removeprefix('dtau_').replace('tau', 'tau') if out == 'tau' else out.removeprefix('dtau_')}[{j}];"
-            for out, count in outs.items()
+            f"            {out}[{_at(j)}] = one_{short}[{j}];"
+            for out, (short, count) in outs.items()
             for j in range(count)
         ),
         "        }",

@@ -35,7 +35,8 @@ OF_NUMPY |= {"and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_
 NUMPY = Dialect("np", "import numpy as np", OF_NUMPY, "TABLE[{place}.astype(int)]")
 JAX = Dialect(
     "jnp",
-    "import jax.numpy as jnp\nimport numpy as np\n\n# For more than seven digits: jax.config.update('jax_enable_x64', True)",
+    "import jax.numpy as jnp\nimport numpy as np\n\n"
+    "# For more than seven digits: jax.config.update('jax_enable_x64', True)",
     {name: f"j{function}" for name, function in OF_NUMPY.items()},
     "jnp.asarray(TABLE)[{place}.astype(int)]",
 )
@@ -100,14 +101,16 @@ def function_text(law: WrittenLaw, how: Dialect, table: str = "TABLE") -> str:
         f"def {law.name}(p, u):",
         f'    """tau (n, {a}), dtau_dp {slopes} and dtau_du (n, {a}, {a}) of n joints: p {of_p}, u (n, {a})."""',
     ]
-    # A constant output needs the shape of the others.
-    for k, step in enumerate(tape.steps):
-        lines.append(f"    v{k} = {_operation(tape, k, places, how, table)}")
-    lines.append("    none = 0.0 * u[:, 0]")
+    lines += [f"    v{k} = {_operation(tape, k, places, how, table)}" for k in range(len(tape.steps))]
+    lines.append("    none = 0.0 * u[:, 0]")  # gives a constant output the shape of the others
     stack = f"{how.library}.stack"
     axis = "-1"
     said = []
-    for name, shape in (("tau", ""), ("dtau_dp", "" if m == 1 else f"(-1, {a}, {m})"), ("dtau_du", f"(-1, {a}, {a})")):
+    for name, shape in (
+        ("tau", ""),
+        ("dtau_dp", "" if m == 1 else f"(-1, {a}, {m})"),
+        ("dtau_du", f"(-1, {a}, {a})"),
+    ):
         columns = ", ".join(f"none + v{k}" for k in tape.outputs[name])
         stacked = f"{stack}([{columns}], {axis})"
         said.append(f"{stacked}.reshape({shape})" if shape else stacked)

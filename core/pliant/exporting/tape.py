@@ -171,6 +171,9 @@ class Builder:
             return self.number(float(NUMPY[name](*known)))
         if name == TAKE and known[0] is not None:
             return self.number(float(self.table[int(known[0])]))
+        of_choice = self._of_choice(name, arguments, known)
+        if of_choice is not None:
+            return of_choice
         simpler = self._neutral(name, arguments, known)
         return self._add(Step(name, arguments)) if simpler is None else simpler
 
@@ -179,6 +182,24 @@ class Builder:
         return Tape(
             self.inputs, tuple(self._steps), {name: tuple(ks) for name, ks in outputs.items()}, self.table
         )
+
+    def _of_choice(self, name: str, arguments: tuple[int, ...], known: Sequence[float | None]) -> int | None:
+        """An operation on a choice between two constants is a choice between two results."""
+        open_ones = [place for place, value in enumerate(known) if value is None]
+        if name not in (TAKE, *ARITHMETIC) or len(open_ones) != 1:
+            return None
+        chosen = self._steps[arguments[open_ones[0]]]
+        if chosen.name != SELECT or None in (
+            self.constant(chosen.arguments[1]),
+            self.constant(chosen.arguments[2]),
+        ):
+            return None
+        results = []
+        for way in chosen.arguments[1:]:
+            own = list(arguments)
+            own[open_ones[0]] = way
+            results.append(self.op(name, *own))
+        return self.op(SELECT, chosen.arguments[0], *results)
 
     def _neutral(self, name: str, arguments: tuple[int, ...], known: Sequence[float | None]) -> int | None:
         """What adding nothing, multiplying by one or by zero leaves; numbers are finite."""

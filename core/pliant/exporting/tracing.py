@@ -49,7 +49,7 @@ class Cells:
         self.name, self.shape = name, shape
 
 
-class CannotTrace(Exception):
+class CannotTraceError(Exception):
     """The function does what has no counterpart; the text says what and where."""
 
 
@@ -89,7 +89,7 @@ class Tracer:
         filled = [Cells(name, shape) for name, shape in shapes.items()]
         try:
             self.call(function, [actuation, list(u), np.asarray(parameters, float), *filled])
-        except (CannotTrace, OSError, TypeError) as error:
+        except (CannotTraceError, OSError, TypeError) as error:
             raise UserError(
                 f"a law's function cannot be written in other languages ({error}): export a study whose surrogate is "
                 "polynomial, neural or table."
@@ -166,7 +166,12 @@ class _Frame:
         if not isinstance(test, Symbol):
             found = self.block(node.body if test else node.orelse)
             return None if found is NOTHING else (found,)
-        returns = any(isinstance(inner, ast.Return) for way in (node.body, node.orelse) for s in way for inner in ast.walk(s))
+        returns = any(
+            isinstance(inner, ast.Return)
+            for way in (node.body, node.orelse)
+            for s in way
+            for inner in ast.walk(s)
+        )
         ways = [[*way, *(rest if returns else ())] for way in (node.body, node.orelse)]
         variables, cells = self.variables, self.tracer.cells
         ends = []
@@ -175,11 +180,11 @@ class _Frame:
             self.tracer.cells = {name: values.copy() for name, values in cells.items()}
             ends.append((self.block(way), self.variables, self.tracer.cells))
         (one, yes, filled), (other, no, left) = ends
-        self.variables = {
-            name: self._either(test, yes[name], no[name]) for name in yes if name in no
-        }
+        self.variables = {name: self._either(test, yes[name], no[name]) for name in yes if name in no}
         self.tracer.cells = {
-            name: np.vectorize(lambda a, b: self._either(test, a, b), otypes=[object])(filled[name], left[name])
+            name: np.vectorize(lambda a, b: self._either(test, a, b), otypes=[object])(
+                filled[name], left[name]
+            )
             for name in cells
         }
         if not returns:
@@ -195,7 +200,7 @@ class _Frame:
             return tuple(self._either(test, a, b) for a, b in zip(one, other, strict=True))
         if isinstance(one, Symbol | int | float) and isinstance(other, Symbol | int | float):
             return self.tracer.op(SELECT, test, one, other)
-        raise CannotTrace("a choice between things that are no numbers")
+        raise CannotTraceError("a choice between things that are no numbers")
 
     def _assign(self, target: ast.expr, value: Any) -> None:
         match target:
@@ -243,9 +248,11 @@ class _Frame:
     def _global(self, name: str) -> Any:
         known = self.world.get(name, NOTHING)
         if known is NOTHING:
-            known = {"range": range, "len": len, "int": int, "abs": abs, "min": min, "max": max}.get(name, NOTHING)
+            known = {"range": range, "len": len, "int": int, "abs": abs, "min": min, "max": max}.get(
+                name, NOTHING
+            )
         if known is NOTHING:
-            raise CannotTrace(f"'{name}' is not known")
+            raise CannotTraceError(f"'{name}' is not known")
         return known
 
     def _binary(self, op: ast.operator, left: Any, right: Any) -> Any:
@@ -255,7 +262,7 @@ class _Frame:
                 return square if right == 2 else self.tracer.op("*", square, left)
             name = OPERATORS.get(type(op))
             if name is None:
-                raise CannotTrace(f"{type(op).__name__} of what depends on the input")
+                raise CannotTraceError(f"{type(op).__name__} of what depends on the input")
             return self.tracer.op(name, left, right)
         if type(op) in OPERATORS:
             return ARITHMETIC[OPERATORS[type(op)]](left, right)
@@ -263,7 +270,7 @@ class _Frame:
             return left**right
         if type(op) in ONLY_KNOWN:
             return ONLY_KNOWN[type(op)](left, right)
-        raise CannotTrace(type(op).__name__)
+        raise CannotTraceError(type(op).__name__)
 
     def _unary(self, op: ast.unaryop, value: Any, node: ast.expr) -> Any:
         if isinstance(op, ast.USub):
@@ -276,7 +283,7 @@ class _Frame:
         found: Any = True
         for op, right in zip(ops, others, strict=True):
             if type(op) not in COMPARED:
-                raise CannotTrace(type(op).__name__)
+                raise CannotTraceError(type(op).__name__)
             name = COMPARED[type(op)]
             known = not (isinstance(left, Symbol) or isinstance(right, Symbol))
             one = COMPARISONS[name](left, right) if known else self.tracer.op(name, left, right)
@@ -296,7 +303,9 @@ class _Frame:
 
     def _both(self, name: str, one: Any, other: Any) -> Any:
         if isinstance(one, Symbol) or isinstance(other, Symbol):
-            return self.tracer.op(name, *(value if isinstance(value, Symbol) else float(value) for value in (one, other)))
+            return self.tracer.op(
+                name, *(value if isinstance(value, Symbol) else float(value) for value in (one, other))
+            )
         return (one and other) if name == "and" else (one or other)
 
     def _item(self, held: Any, place: Any) -> Any:
@@ -307,7 +316,7 @@ class _Frame:
         return float(held[place]) if isinstance(held, np.ndarray) else held[place]
 
     def _call(self, function: ast.expr, arguments: Sequence[Any]) -> Any:
-        known = self.value(function) if isinstance(function, ast.Name) else NOTHING
+        known: Any = self.value(function) if isinstance(function, ast.Name) else NOTHING
         match function:
             case ast.Attribute(ast.Name("math"), name):
                 known = getattr(math, name)
@@ -330,5 +339,5 @@ class _Frame:
         return known(*arguments)
 
 
-def _cannot(node: ast.AST) -> CannotTrace:
-    return CannotTrace(f"'{ast.unparse(node).splitlines()[0]}'")
+def _cannot(node: ast.AST) -> CannotTraceError:
+    return CannotTraceError(f"'{ast.unparse(node).splitlines()[0]}'")

@@ -69,7 +69,9 @@ class WrittenLaw:
             lines.append("The law states no error.")
         else:
             off = ", ".join(f"{value:.3g}" for value in self.band)
-            lines.append(f"With probability {LEVEL:g} it is off by less than {off} {self.unit} in the domain.")
+            lines.append(
+                f"With probability {LEVEL:g} it is off by less than {off} {self.unit} in the domain."
+            )
         return tuple(lines)
 
 
@@ -107,7 +109,10 @@ def _tape(scalar: ScalarLaw, actuations: tuple[str, ...], deformations: tuple[st
     if share:  # the elasticity that a law behind a shared joint does not have a second time
         rest, _, rest_by_u = Tracer(build).fill(scalar.function, 0.0, u, scalar.parameters)
         tau, by_u = (
-            [build.op("-", k, build.op("*", build.number(share), r)) for k, r in zip(all_of, less, strict=True)]
+            [
+                build.op("-", k, build.op("*", build.number(share), r))
+                for k, r in zip(all_of, less, strict=True)
+            ]
             for all_of, less in ((tau, rest), (by_u, rest_by_u))
         )
     return build.tape({"tau": tau, "dtau_dp": by_p, "dtau_du": by_u}).needed()
