@@ -30,8 +30,8 @@ from pliant.registry.discovery import discover
 from pliant_plugins.fem.skfem.backend import SkfemSolver
 
 CONTRIB = Path(__file__).resolve().parents[2] / "contrib" / "pliant-calculix" / "src"
-# Family, shear modulus, shear moduli of regions.
-MODULES: dict[str, tuple[dict[str, Any], str, dict[str, str]]] = {
+# Family, refinement, shear modulus, shear moduli of regions.
+MODULES: dict[str, tuple[dict[str, Any], int, str, dict[str, str]]] = {
     "bellow": (
         {
             "kind": "bellow_bending",
@@ -40,6 +40,7 @@ MODULES: dict[str, tuple[dict[str, Any], str, dict[str, str]]] = {
             "wall": "0.8 mm",
             "module_length": "6 mm",
         },
+        1,
         "240 kPa",
         {},
     ),
@@ -58,12 +59,13 @@ MODULES: dict[str, tuple[dict[str, Any], str, dict[str, str]]] = {
             "channel_height": "1.5 mm",
             "layer": "1 mm",
         },
+        2,
         "200 kPa",
         {"layer": "2 MPa"},
     ),
 }
 BEYOND = 1.5
-PRESSURE_STEP_PA, ANGLE_STEP = 1.25e3, -0.05
+PRESSURE_STEP_PA, ANGLE_STEP = 2.5e3, -0.05
 TOLERANCE, TIMEOUT_S = 1e-4, 3600.0
 
 
@@ -183,8 +185,8 @@ def main() -> None:
     options = parser.parse_args()
     report: dict[str, Any] = {}
     for name in options.module or MODULES:
-        family, *moduli = MODULES[name]
-        problem, material = built("family", **family).problem(), rubber(*moduli)
+        family, refinement, *moduli = MODULES[name]
+        problem, material = built("family", **family).problem(refinement), rubber(*moduli)
         with_contact, without = solver(problem, material, "solve"), solver(problem, material, "end")
         pressure, held = places(with_contact, back=name == "bellow")
         print(f"{name}: walls meet at {pressure / 1e3:.3g} kPa", flush=True)
