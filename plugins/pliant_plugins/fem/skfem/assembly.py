@@ -22,6 +22,7 @@ from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
+from pliant_plugins.fem.skfem.fibres import with_fibres
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
@@ -47,10 +48,11 @@ class Assembler:
         contact: bool = False,
     ) -> None:
         mesh = problem.mesh
-        self.problem, self.material = problem, material_by_cell(mesh, material)
+        self.problem = problem
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
         self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
+        self.material = with_fibres(material_by_cell(mesh, material), problem.fibres, mesh, self.cells)
         self.volume_m3 = float(self.cells.weight.sum())
         groups = [_dofs(self.cells.nodes), _dofs(self.faces.nodes)]
         held, v, pressure = constraints(problem, self.cells.pressure), mesh.nodes_m.size, self.cells.pressure

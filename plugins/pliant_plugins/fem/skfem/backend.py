@@ -151,7 +151,7 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties", "contact"})
+    knows = frozenset({"regions", "fibres", "ribbons", "tendon", "links", "ties", "contact"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame, actuation or requirement than this backend knows."""

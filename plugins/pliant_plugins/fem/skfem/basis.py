@@ -15,6 +15,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
 
 from pliant.errors import ContractError
+from pliant.interfaces.by_region import region_numbers
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.fem.config import Dilatation
@@ -31,12 +32,14 @@ class PressureData:
         value: (m or 1, q, k) functions.
         places: (m, k) numbers of the cells' pressures, from 0 to count − 1.
         vertices: (count,) nodes at which they stand, or None where they belong to cells.
+        solids: (count,) numbers of the regions in which they are continuous, or None.
     """
 
     value: Array
     places: IntArray
     count: int
     vertices: IntArray | None
+    solids: IntArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,10 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
         pressure = PressureData(modes, places, places.size, None)
     elif dilatation == "continuous":
         linear = np.stack([ElementHex1().lbasis(basis.X, i)[0] for i in range(8)], axis=-1)
-        pressure = PressureData(linear[None], corners, len(vertices), vertices)
+        owned = corners + len(vertices) * region_numbers(mesh)[:, None]
+        own, places = np.unique(owned, return_inverse=True)
+        at, solids = vertices[own % len(vertices)], own // len(vertices)
+        pressure = PressureData(linear[None], places.reshape(-1, 8), len(own), at, solids)
     return CellData(nodes, np.ascontiguousarray(gradient), value, weight, pressure)
 
 
