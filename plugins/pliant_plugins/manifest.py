@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pliant.registry.component import Component
@@ -42,6 +43,7 @@ TENDON_JOINT = {
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
 }
+EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
 PNEUNET = {
     "module_length": "10 mm",
     "width": "15 mm",
@@ -111,6 +113,16 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
             summary="rigid links with a soft flexure between them; a tendon below it bends it",
             example=TENDON_JOINT,
+        ),
+        Component(
+            interface="family",
+            kind="mesh_file",
+            config=f"{HERE}.families.mesh_file.family:MeshFileConfig",
+            implementation=f"{HERE}.families.mesh_file.family:MeshFile",
+            summary="a module from a volume mesh of tetrahedra or hexahedra with named surfaces",
+            example={"file": EXAMPLE_MESH, "unit": "mm", "part": "half", "symmetry": "symmetry"},
+            requires=("meshio",),
+            install="pip install 'pliant[fem]'",
         ),
         Component(
             interface="family",
