@@ -11,8 +11,8 @@ from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
 
 THE_LAW = (
-    " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation, "
-    "and nothing actuates the chain. SI units. "
+    " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation. "
+    "The law is in the JSON file beside it. SI units. "
 )
 
 

@@ -37,7 +37,7 @@ class Pardiso:
 
     name = "pardiso"
     _ANALYSE, _FACTORISE, _SOLVE, _SYMMETRIC_INDEFINITE = 11, 22, 33, -2
-    # MKL's iparm, from 1: own values, nested dissection, refinements, perturbation 1e-8, scaling, matching, 2 × 2 pivots
+    # MKL's iparm, from 1: own values, METIS, refinements, perturbation 1e-8, scaling, matching, 2 × 2 pivots
     _SCALED = ((1, 1), (2, 2), (8, 2), (10, 8), (11, 1), (13, 1), (21, 1))
 
     def __init__(self, pattern: Pattern) -> None:
