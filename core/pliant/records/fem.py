@@ -195,13 +195,9 @@ class ModuleProblem:
         joint: kind of the module's joint.
         stretches: whether e is an unknown; else e = 0 (an inextensible line).
         ribbons: bands at the height of the reference line.
-<<<<<<< HEAD
         fibres: threads in the solid, each set of one direction.
-        actuation: name of the input, `pressure_pa` or `tendon_force_n`.
-=======
         actuation: name of the input, `pressure_pa` or `tendon_force_n`; of several, all names
             (`pressure_1_pa, pressure_2_pa`), each pressure with its faces in `mesh.cavities`.
->>>>>>> main
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.

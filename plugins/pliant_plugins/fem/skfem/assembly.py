@@ -52,16 +52,12 @@ class Assembler:
         self.problem = problem
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
-<<<<<<< HEAD
-        self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
-        self.material = with_fibres(material_by_cell(mesh, material), problem.fibres, mesh, self.cells)
-=======
         self.cells = cell_data(mesh, dilatation)
+        self.material = with_fibres(material_by_cell(mesh, material), problem.fibres, mesh, self.cells)
         wetted = [mesh.cavity]
         if len(problem.actuations) > 1:
             wetted = [mesh.cavities[name] for name in problem.actuations if name in mesh.cavities]
         self.faces = tuple(face_data(faces) for faces in wetted)
->>>>>>> main
         self.volume_m3 = float(self.cells.weight.sum())
         groups = [_dofs(self.cells.nodes), *(_dofs(faces.nodes) for faces in self.faces)]
         held, v, pressure = constraints(problem, self.cells.pressure), mesh.nodes_m.size, self.cells.pressure

@@ -170,13 +170,19 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-<<<<<<< HEAD
-    knows = frozenset({"regions", "fibres", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact"})
-=======
     knows = frozenset(
-        {"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact", "several_actuations"}
+        [
+            "regions",
+            "fibres",
+            "tetrahedra",
+            "ribbons",
+            "tendon",
+            "links",
+            "ties",
+            "contact",
+            "several_actuations",
+        ]
     )
->>>>>>> main
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
