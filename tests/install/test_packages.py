@@ -10,7 +10,7 @@ import pytest
 from benchmarks.install import built
 from typer.testing import CliRunner
 
-from pliant.cli.example import EXAMPLES
+from pliant.examples_shipped import EXAMPLES
 from pliant.cli.verbs import app
 from pliant.measurements.reading import read_measurement
 
