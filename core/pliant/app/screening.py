@@ -24,6 +24,7 @@ from pliant.formatting import display_unit
 from pliant.interfaces.effect import EffectParameter
 from pliant.measurements.thinning import thinned
 from pliant.records.design import Array
+from pliant.units import strip_unit_suffix
 
 SHORT = 1e-6  # directions shorter than this share of the longest count as none
 
@@ -119,6 +120,7 @@ def _slider(declared: EffectParameter) -> dict[str, Any]:
     unit = display_unit("dimensionless" if declared.unit == "1" else declared.unit)
     return {
         "name": declared.name,
+        "words": strip_unit_suffix(declared.name).replace("_", " "),
         "role": declared.role,
         "unit": unit.symbol,
         "factor": unit.factor,

@@ -59,7 +59,7 @@ class Task:
         ground = self.model.ground
         watched = copy.copy(ground.predictor)
         assert isinstance(watched, WatchedPredictor)
-        watched.stopped = self.stopped  # type: ignore[method-assign]
+        watched.stopped = self.stopped
         return Ground(watched, ground.measurement, ground.groups)
 
 
@@ -123,7 +123,7 @@ def diagnose(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
     study = model.study.model_copy(update={"effects": model.effects(task.effects)})
     base = task.ground.predictor
     predictor = WatchedPredictor(base.bench, base.backend, base.chain, model.split.training, study.effects)
-    predictor.stopped = task.stopped  # type: ignore[method-assign]
+    predictor.stopped = task.stopped
     own = own_runs(study, predictor.chain, predictor.measurement)
     found = diagnose_with(predictor, kinds=None, runs=own, tick=task.tick)
     protocol = _protocol(folder, key, model, found)

@@ -13,12 +13,14 @@ function el(tag, at = {}, ...inside) {
   return e;
 }
 
+const FIRST = 9;  // effects that are not folded away
 class EffectList {
   // moved(effects): while a slider moves; settled(effects, words): when the model shall be that.
   constructor(hold, moved, settled) { this.hold = hold; this.moved = moved; this.settled = settled; this.rows = new Map(); this.busy = false; }
 
-  show(model, screen) {
+  show(model, screen, stale = false) {
     if (this.busy) return;
+    this.hold.classList.toggle("stale", stale);
     this.model = model; this.effects = model.effects.map(one => ({...one}));
     const kinds = screen ? screen.kinds : {}, found = model.diagnosis;
     const of = kind => kinds[kind] ? kinds[kind].explains : -1;
@@ -27,7 +29,11 @@ class EffectList {
     const order = model.catalogue.filter(one => !screen || kinds[one.kind] || ticked.has(one.kind))
       .sort((a, b) => ticked.has(b.kind) - ticked.has(a.kind) || sure(b.kind) - sure(a.kind) || of(b.kind) - of(a.kind));
     const focus = document.activeElement && document.activeElement.id;
-    this.hold.replaceChildren(...order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown).map(one => this.row(one, kinds[one.kind], ticked)));
+    const seen = order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown);
+    const first = seen.filter((one, k) => k < FIRST || ticked.has(one.kind)), more = seen.filter(one => !first.includes(one));
+    const open = this.hold.querySelector("details.more") && this.hold.querySelector("details.more").open;
+    const rows = list => list.map(one => this.row(one, kinds[one.kind], ticked));
+    this.hold.replaceChildren(...rows(first), ...(more.length ? [el("details", {class: "more", open}, el("summary", {}, `${more.length} more`), ...rows(more))] : []));
     if (focus && document.getElementById(focus)) document.getElementById(focus).focus({preventScroll: true});
   }
   row(one, seen, ticked) {
@@ -65,10 +71,10 @@ class EffectList {
     put(now[s.name]);
     const set = v => { now[s.name] = v; };
     range.addEventListener("input", () => { this.busy = true; const v = back(+range.value); set(v); number.value = short(v * s.factor); this.moved(this.effects); });
-    range.addEventListener("change", () => { this.busy = false; this.settled(this.effects, `${one.kind} ${s.name} ${number.value} ${s.unit}`.trim()); });
+    range.addEventListener("change", () => { this.busy = false; this.settled(this.effects, `${one.kind} ${s.words} ${number.value} ${s.unit}`.trim()); });
     number.addEventListener("change", () => { const v = +number.value / s.factor; if (!Number.isFinite(v)) return; set(v); put(v); this.settled(this.effects, `${one.kind} ${s.name} ${number.value} ${s.unit}`.trim()); });
     const fit = this.model.fit, told = fit ? fit.estimates.find(e => e.kind === one.kind && e.parameter === s.name) : null;
-    return el("div", {class: "slider"}, el("label", {for: id}, s.name.replaceAll("_", " "), s.unit ? ` (${s.unit})` : ""), range, number,
+    return el("div", {class: "slider"}, el("label", {for: id}, s.words, s.unit ? ` (${s.unit})` : ""), range, number,
       told ? el("span", {class: "fitted"}, `fitted: ${told.words}`) : null);
   }
   tick(one, on) {

@@ -42,7 +42,7 @@ async function load() {
     const first = await ask("preview", {effects: m.first});
     asis = {of: key + JSON.stringify(m.own), predicted: unpack(first.predicted)};
   }
-  tables(); draw(); effects.show(m, screening && screening.of === version ? screening.found : screening && screening.found);
+  tables(); draw(); effects.show(m, screening && screening.found, true);
   const at = version;
   where = await ask("where"); if (at === version) { sentence(); tables(); }
   const found = await ask("screen"); screening = {of: at, found};
@@ -116,20 +116,34 @@ function choices() {
   const driving = data.circumstances.filter(c => !c.categories.length);
   fill($("over"), driving); fill($("against"), data.circumstances, (data.circumstances.find(c => !c.drives) || {}).name);
 }
+// Time without the runs that are not shown, and where each run begins.
+function compact() {
+  const see = $("seeaside").checked, clock = data.time.slice(), rules = [];
+  let shift = 0;
+  data.runs.forEach((run, k) => {
+    const first = data.starts[k], last = (k + 1 < data.runs.length ? data.starts[k + 1] : data.n) - 1;
+    const end = k + 1 < data.runs.length ? data.time[data.starts[k + 1]] : data.time[last];
+    if (run.off || (run.aside && !see)) { shift += end - data.time[first]; return; }
+    for (let i = first; i <= last; i++) clock[i] = data.time[i] === null ? null : data.time[i] - shift;
+    rules.push({at: data.time[first] - shift, width: end - data.time[first], text: run.name});
+  });
+  return [clock, rules];
+}
+// Categories side by side, points spread a little so that each is seen.
+const spread = c => c.categories.length ? c.values.map((v, k) => v === null ? null : v + 0.5 * (((k * 0.618034) % 1) - 0.5)) : c.values;
 function draw() {
   if (!data || !now) return;
   const o = output(), p = now.predicted[o.name], base = asis && $("asis").checked && view.model.cursor > 0 ? asis.predicted[o.name] : null;
   const on = visible(), faint = data.run.map(k => data.runs[k].aside), floor = now.floors[o.name] || 0;
   const lines = [...(base ? [{values: base, colour: PLAIN, width: 1.4}] : []), {values: p, colour: MODEL}];
   const common = {on, faint, marked, starts: data.starts, lines};
-  const rules = data.runs.map((run, k) => { const at = data.time[data.starts[k]], next = k + 1 < data.runs.length ? data.time[data.starts[k + 1]] : data.time[data.n - 1];
-    return {at, width: next - at, text: run.name, run}; }).filter(rule => !rule.run.off && ($("seeaside").checked || !rule.run.aside));
-  pictures.time.show({...common, x: data.time, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
+  const [clock, rules] = compact();
+  pictures.time.show({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
   const over = circumstance("over");
   if (over) pictures.loops.show({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
   const against = circumstance("against"), rest = o.measured.map((v, k) => v === null || p[k] !== p[k] ? null : v - p[k]);
   const unit = o.unit ? ` (${o.unit})` : "";
-  pictures.residual.show({...common, lines: [], x: against.values, y: rest, band: 2 * floor, categories: against.categories,
+  pictures.residual.show({...common, lines: [], x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
     xlabel: against.axis, ylabel: `measured − model${unit}`, name: `error of ${o.label} over ${against.label}`});
   $("floor").textContent = floor ? `; one is ${short(floor)} ${o.unit}, from ${now.floor_from[o.name]}` : "; no floor is known here";
 }
@@ -233,7 +247,8 @@ const go = (id, work) => $(id).addEventListener("click", attempt(work));
 go("undo", async () => { await ask("go", {cursor: view.model.cursor - 1}); await beat(); });
 go("redo", async () => { await ask("go", {cursor: view.model.cursor + 1}); await beat(); });
 for (const what of ["diagnose", "improve"]) go(what, async () => { await ask("run", {what}); await beat(); });
-go("fit", async () => { await ask("run", {what: "fit", kinds: view.model.effects.map(e => e.kind)}); await beat(); });
+go("fit", async () => { const kinds = view.model.effects.map(e => e.kind), added = kinds.filter(k => !view.model.own.includes(k));
+  await ask("run", {what: "fit", kinds: added.length ? added : kinds}); await beat(); });
 go("stop", () => ask("stop", {}));
 go("example", async () => { await ask("example", {}); await beat(); });
 go("report", () => { window.open(`/report?token=${encodeURIComponent(token)}`, "_blank", "noopener"); });

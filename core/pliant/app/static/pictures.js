@@ -27,7 +27,7 @@ class Picture {
       take(s.y[k]); for (const line of s.lines) take(line.values[k]);
     }
     if (!(x1 >= x0)) { x0 = 0; x1 = 1; } if (!(y1 >= y0)) { y0 = 0; y1 = 1; }
-    const px = 0.02 * (x1 - x0 || 1), py = 0.06 * (y1 - y0 || 1);
+    const px = s.categories && s.categories.length ? 0.5 : 0.02 * (x1 - x0 || 1), py = 0.06 * (y1 - y0 || 1);
     return {x: [x0 - px, x1 + px], y: [y0 - py, y1 + py]};
   }
   make() {
@@ -36,8 +36,7 @@ class Picture {
     const s = this.shown, axis = label => ({label, labelSize: 22, labelFont: "12px system-ui", font: "12px system-ui",
       stroke: "#5c6577", grid: {stroke: "#eef0f4", width: 1}, ticks: {stroke: "#dfe3ea"}});
     const y = axis(s.ylabel); y.size = 54;
-    if (s.categories) { const c = s.categories; s.xticks = c; }
-    const x = axis(s.xlabel);
+    const x = axis(s.xlabel); x.size = 34; x.labelGap = 0; x.gap = 3;
     if (s.categories && s.categories.length) {
       x.splits = () => s.categories.map((_, k) => k); x.values = () => s.categories; }
     this.plot = new uPlot({mode: 2, width: this.width(), height: this.height, legend: {show: false},
