@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pliant.registry.component import Component
@@ -29,6 +30,20 @@ EXTENDING = {
     "wall": "1.5 mm",
     "module_length": "10 mm",
 }
+TWO_CHAMBER = {
+    "width": "20 mm",
+    "height": "20 mm",
+    "wall": "2 mm",
+    "web": "2 mm",
+    "module_length": "10 mm",
+}
+THREE_CHAMBER = {
+    "radius": "10 mm",
+    "bore": "2 mm",
+    "wall": "1.5 mm",
+    "rib": "2 mm",
+    "module_length": "10 mm",
+}
 TENDON_JOINT = {
     "module_length": "28 mm",
     "flexure_length": "5 mm",
@@ -42,6 +57,7 @@ TENDON_JOINT = {
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
 }
+EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
 PNEUNET = {
     "module_length": "10 mm",
     "width": "15 mm",
@@ -104,11 +120,37 @@ def _modules() -> list[Component]:
         ),
         Component(
             interface="family",
+            kind="mesh_file",
+            config=f"{HERE}.families.mesh_file.family:MeshFileConfig",
+            implementation=f"{HERE}.families.mesh_file.family:MeshFile",
+            summary="a module from a volume mesh of tetrahedra or hexahedra with named surfaces",
+            example={"file": EXAMPLE_MESH, "unit": "mm", "part": "half", "symmetry": "symmetry"},
+            requires=("meshio",),
+            install="pip install 'pliant[fem]'",
+        ),
+        Component(
+            interface="family",
             kind="pneunet",
             config=f"{HERE}.families.pneunet.family:PneunetConfig",
             implementation=f"{HERE}.families.pneunet.family:Pneunet",
             summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
             example=PNEUNET,
+        ),
+        Component(
+            interface="family",
+            kind="two_chamber",
+            config=f"{HERE}.families.chambers.two_chamber:TwoChamberConfig",
+            implementation=f"{HERE}.families.chambers.two_chamber:TwoChamber",
+            summary="two opposed chambers with a pressure each; bends both ways",
+            example=TWO_CHAMBER,
+        ),
+        Component(
+            interface="family",
+            kind="three_chamber",
+            config=f"{HERE}.families.chambers.three_chamber:ThreeChamberConfig",
+            implementation=f"{HERE}.families.chambers.three_chamber:ThreeChamber",
+            summary="three chambers around a bore with a pressure each; bends about two axes",
+            example=THREE_CHAMBER,
         ),
         Component(
             interface="material",

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.records.actuation import Levels, names_of
 from pliant.records.design import Array, Design
 from pliant.records.law import JointKind
 
@@ -54,17 +55,19 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class ModuleMesh:
-    """A mesh of 27-node hexahedra in the module frame (x along the chain, bending about y), in metres.
+    """A mesh of quadratic cells of one kind in the module frame (x along the chain, bending about y), in metres.
 
     Attributes:
         nodes_m: (n, 3) reference coordinates.
-        cells: (m, 27) node ids in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2.
-        cavity: (f, 9) node ids of the wetted faces, local node a + 3b; ∂x/∂a × ∂x/∂b points out of the
-            solid, into the cavity.
-        skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
+        cells: (m, 27) node ids of hexahedra in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2;
+            or (m, 10) of tetrahedra, corners, then the middles of the edges 01, 12, 02, 03, 13, 23.
+        cavity: (f, 9) node ids of the wetted faces, local node a + 3b, or (f, 6), corners, then the middles of the
+            edges 01, 12, 02; ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
+        skin: (g, 9) or (g, 6) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
         regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
             each its material, density included, under `material.regions`.
+        cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
     """
 
     nodes_m: Array
@@ -73,6 +76,7 @@ class ModuleMesh:
     skin: IntArray
     node_sets: Mapping[str, IntArray]
     regions: Mapping[str, IntArray] = field(default_factory=dict)
+    cavities: Mapping[str, IntArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -173,7 +177,8 @@ class ModuleProblem:
         joint: kind of the module's joint.
         stretches: whether e is an unknown; else e = 0 (an inextensible line).
         ribbons: bands at the height of the reference line.
-        actuation: name of the input, `pressure_pa` or `tendon_force_n`.
+        actuation: name of the input, `pressure_pa` or `tendon_force_n`; of several, all names
+            (`pressure_1_pa, pressure_2_pa`), each pressure with its faces in `mesh.cavities`.
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
@@ -208,12 +213,19 @@ class ModuleProblem:
         """Names of all that a backend must know to solve it: `requires`, and the optional parts that it has."""
         parts = {
             "regions": self.mesh.regions,
+            "tetrahedra": self.mesh.cells.shape[1] == 10,
             "ribbons": self.ribbons,
             "tendon": self.tendon,
             "links": self.links,
             "ties": any(self.tied.values()),
+            "several_actuations": len(self.actuations) > 1,
         }
         return self.requires | {name for name, part in parts.items() if part}
+
+    @property
+    def actuations(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return names_of(self.actuation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,26 +238,27 @@ class FemState:
     or rigid parts overlap: the state is marked, not trusted).
 
     Attributes:
-        actuation: pressure (Pa) or tendon force (N).
+        actuation: pressure (Pa) or tendon force (N); (m,) where there are several.
         deformation: u, (k,) in rad, or m for a prismatic joint.
         tau: (k,) in N·m, or N.
-        dtau_dp: (k,) by actuation.
+        dtau_dp: (k,) by actuation; (k, m) by several.
         dtau_du: (k, k).
         energy_j: elastic energy of the module.
-        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m).
+        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m); (m,) of
+            several.
         axial_strain: e.
         main: place of the axis that actuation drives.
         held: names of the axes whose u was prescribed; none on the free branch.
         solution: the backend's own unknowns.
     """
 
-    actuation: float
+    actuation: Levels
     deformation: Array
     tau: Array
     dtau_dp: Array
     dtau_du: Array
     energy_j: float
-    travel: float
+    travel: Levels
     axial_strain: float
     branch: Branch
     status: str
@@ -307,7 +320,7 @@ class ModuleFields:
     Attributes:
         points_m: (n, 3) reference positions in the module frame.
         displacement_m: (n, 3).
-        cells: (m, 27) as in `ModuleMesh`.
+        cells: (m, 27) or (m, 10) as in `ModuleMesh`.
         point_data: named nodal values, (n,) or (n, 3): `von_mises_pa`, `hydrostatic_pa`, `energy_j_m3`,
             `volume_ratio`, `largest_stretch`.
     """
@@ -321,6 +334,8 @@ class ModuleFields:
 @dataclass(frozen=True, eq=False)
 class ModuleShape:
     """Deformed skin of the solved piece at one state, for pictures: points (n, 3) in m, faces (g, 9).
+
+    Triangles of tetrahedra are squares with a collapsed edge (`meshing.cells.SquareSkin`).
 
     Attributes:
         von_mises_pa: (n,) von Mises stress on the skin, where it was asked for and the backend gives fields.
@@ -384,6 +399,7 @@ class ModuleData:
     Attributes:
         actuation (n,), deformation (n, k), tau (n, k), dtau_dp (n, k), dtau_du (n, k, k), energy_j (n,),
         travel (n,), iterations (n,), wall_s (n,): as in `FemState`.
+            With m > 1 actuations: actuation and travel (n, m), dtau_dp (n, k, m).
         explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free;
             "coupling" where several are held.
         branch, status, role: (n,) as in `FemDataset`.
@@ -416,6 +432,11 @@ class ModuleData:
 
     def __len__(self) -> int:
         return len(self.actuation)
+
+    @property
+    def actuations(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return names_of(self.actuation_name)
 
     def rows(self, keep: NDArray[np.bool_] | IntArray) -> ModuleData:
         """The states that a mask (n,) or numbers choose."""

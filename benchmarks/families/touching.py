@@ -1,0 +1,213 @@
+"""Bellow and PneuNet driven half as far again as where walls first meet: our contact, CalculiX' and none.
+
+Each is held at two states: at our free angle under 1.5 times the pressure of first touching, and 10 % beyond that
+angle. The bellow is also bent against actuation, 1.5 times as far as where folds meet on the other side. CalculiX
+solves the same cells (20 nodes for 27) at the same pressures and angles, face to face against rigid plates in the
+mirror planes. The range of torque is what our slope there gives over the whole angle, so that its share is that of the
+angle too.
+
+    python -m benchmarks.families.touching [--module bellow] [--state 0] [--json FILE]
+
+needs ccx; contrib/pliant-calculix/src is taken as it lies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.material import Material
+from pliant.records.fem import FemState, ModuleProblem
+from pliant.registry.discovery import discover
+from pliant_plugins.fem.skfem.backend import SkfemSolver
+
+CONTRIB = Path(__file__).resolve().parents[2] / "contrib" / "pliant-calculix" / "src"
+# Family, refinement, shear modulus, shear moduli of regions.
+MODULES: dict[str, tuple[dict[str, Any], int, str, dict[str, str]]] = {
+    "bellow": (
+        {
+            "kind": "bellow_bending",
+            "inner_radius": "2 mm",
+            "average_radius": "6 mm",
+            "wall": "0.8 mm",
+            "module_length": "6 mm",
+        },
+        1,
+        "240 kPa",
+        {},
+    ),
+    "pneunet": (
+        {
+            "kind": "pneunet",
+            "module_length": "10 mm",
+            "width": "15 mm",
+            "height": "14 mm",
+            "wall": "1.5 mm",
+            "shell": "2 mm",
+            "gap": "1 mm",
+            "floor": "1.5 mm",
+            "bridge": "1.5 mm",
+            "channel_width": "2 mm",
+            "channel_height": "1.5 mm",
+            "layer": "1 mm",
+        },
+        2,
+        "200 kPa",
+        {"layer": "2 MPa"},
+    ),
+}
+BEYOND = 1.5
+PRESSURE_STEP_PA, ANGLE_STEP = 2.5e3, -0.05
+TOLERANCE, TIMEOUT_S = 1e-4, 3600.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """A state to compare: its name, pressure and held angle of the module."""
+
+    name: str
+    pressure_pa: float
+    angle_rad: float
+
+
+def built(interface: str, **block: Any) -> Any:
+    """A component."""
+    registry = discover()
+    model = registry.get(interface, block["kind"]).config_model()
+    return registry.build(interface, model.model_validate(block))
+
+
+def rubber(shear_modulus: str, regions: dict[str, str]) -> Material:
+    """Neo-Hookean body and regions."""
+    body: Material = built("material", kind="neo_hookean", shear_modulus=shear_modulus)
+    others = {n: built("material", kind="neo_hookean", shear_modulus=mu) for n, mu in regions.items()}
+    return body.with_regions(others) if others else body
+
+
+def solver(problem: ModuleProblem, material: Material, how: str) -> SkfemSolver:
+    """Ours with or without contact."""
+    fem = built("fem", kind="skfem", pressure_max="15 kPa", self_contact=how)
+    made: SkfemSolver = fem.solver(problem, material)
+    return made
+
+
+def gap_m(here: SkfemSolver, state: FemState) -> float:
+    """Smallest distance of the skin's points from the planes that they may meet; negative beyond them."""
+    contact = here.assembler.contact
+    assert contact is not None
+    return -float(contact.depth(state.solution, state.axial_strain).max())
+
+
+def walk(here: SkfemSolver, by_pressure: bool) -> tuple[float, FemState]:
+    """Pressure or angle at which walls first meet, by the gaps on both sides of it, and the state before."""
+    step = PRESSURE_STEP_PA if by_pressure else ANGLE_STEP
+    state, at = here.rest(), 0.0
+    gap = gap_m(here, state)
+    while True:
+        ahead = here.free(at + step, state) if by_pressure else here.constrained(0.0, at + step, state)
+        if ahead.status == "touching":
+            return at + step * gap / (gap - gap_m(here, ahead)), state
+        state, at, gap = ahead, at + step, gap_m(here, ahead)
+
+
+def reached(here: SkfemSolver, place: Place) -> FemState:
+    """Our state there, in steps."""
+    state = here.rest()
+    for share in (
+        np.linspace(0, 1, 1 + int(np.ceil(place.pressure_pa / 2e3)))[1:] if place.pressure_pa else []
+    ):
+        state = here.free(float(share * place.pressure_pa), state)
+    for share in (0.5, 1.0):
+        at = state.angle_rad if place.pressure_pa else 0.0
+        state = here.constrained(place.pressure_pa, at + share * (place.angle_rad - at), state)
+    return state
+
+
+def by_calculix(problem: ModuleProblem, material: Material, place: Place) -> float:
+    """Torque of the module that opposes actuation, by CalculiX with contact."""
+    sys.path.insert(0, str(CONTRIB))
+    from pliant_calculix.deck import Target, contact_path_cards
+    from pliant_calculix.model import build_model
+    from pliant_calculix.program import run
+    from pliant_calculix.reading import Reader
+
+    model = build_model(problem, material, "C3D20R", 1e-6, 1.0, contact=True)
+    target = Target(place.pressure_pa, place.angle_rad / problem.deformation_scale)
+    deck = contact_path_cards(model, target, TOLERANCE)
+    with tempfile.TemporaryDirectory() as folder:
+        answer = run("ccx", deck, 1, len(model.places_m) + 2, TIMEOUT_S, Path(folder))
+    reaction = Reader(model, material).reaction(answer.points[0], place.pressure_pa, target.held or 0.0)
+    return -problem.energy_scale / problem.deformation_scale * reaction.moment_n_m
+
+
+def places(here: SkfemSolver, back: bool) -> tuple[float, list[Place]]:
+    """Pressure at which walls first meet, and the states beyond; one bent back where folds meet there too."""
+    pressure, before = walk(here, by_pressure=True)
+    free = here.free(BEYOND * pressure, here.free(1.2 * pressure, before))
+    held = [
+        Place("free angle", free.actuation, free.angle_rad),
+        Place("10 % beyond it", free.actuation, 1.1 * free.angle_rad),
+    ]
+    if back:
+        held.append(Place("bent back", 0.0, BEYOND * walk(here, by_pressure=False)[0]))
+    return pressure, held
+
+
+def compared(place: Place, ours: FemState, none: FemState, theirs: float) -> dict[str, Any]:
+    """One row; the range of torque is what the slope gives over the whole angle."""
+    reach = abs(ours.dmoment_du * place.angle_rad)
+    return {
+        "state": place.name,
+        "pressure_pa": place.pressure_pa,
+        "angle_rad": place.angle_rad,
+        "ours_n_m": ours.moment_n_m,
+        "calculix_n_m": theirs,
+        "without_contact_n_m": none.moment_n_m,
+        "torque_apart": abs(ours.moment_n_m - theirs) / max(abs(theirs), reach),
+        "without_apart": abs(none.moment_n_m - theirs) / max(abs(theirs), reach),
+        "torque_apart_of_itself": abs(ours.moment_n_m / theirs - 1),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--module", choices=MODULES, action="append")
+    parser.add_argument("--state", type=int, action="append", help="numbers from 0")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    report: dict[str, Any] = {}
+    for name in options.module or MODULES:
+        family, refinement, *moduli = MODULES[name]
+        problem, material = built("family", **family).problem(refinement), rubber(*moduli)
+        with_contact, without = solver(problem, material, "solve"), solver(problem, material, "end")
+        pressure, held = places(with_contact, back=name == "bellow")
+        print(f"{name}: walls meet at {pressure / 1e3:.3g} kPa", flush=True)
+        report[name] = {"first_pressure_pa": pressure, "states": []}
+        for number, place in enumerate(held):
+            if options.state and number not in options.state:
+                continue
+            ours, none = reached(with_contact, place), reached(without, place)
+            begun = time.perf_counter()
+            row = compared(place, ours, none, by_calculix(problem, material, place))
+            report[name]["states"].append({**row, "calculix_s": time.perf_counter() - begun})
+            print(
+                f"  {place.name:15s}{place.pressure_pa / 1e3:7.2f} kPa {place.angle_rad:8.4f} rad, torque mN·m: ours "
+                f"{1e3 * ours.moment_n_m:8.4f}, CalculiX {1e3 * row['calculix_n_m']:8.4f}, without contact "
+                f"{1e3 * none.moment_n_m:8.4f}; apart {row['torque_apart']:.2%} of the range (without contact "
+                f"{row['without_apart']:.2%}), {row['torque_apart_of_itself']:.2%} of the torque",
+                flush=True,
+            )
+    if options.json:
+        options.json.write_text(json.dumps(report, indent=1))
+
+
+if __name__ == "__main__":
+    main()
