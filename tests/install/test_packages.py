@@ -10,8 +10,8 @@ import pytest
 from benchmarks.install import built
 from typer.testing import CliRunner
 
-from pliant.cli.example import EXAMPLES
 from pliant.cli.verbs import app
+from pliant.examples_shipped import EXAMPLES
 from pliant.measurements.reading import read_measurement
 
 ROOT = Path(__file__).parents[2]
