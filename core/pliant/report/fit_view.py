@@ -205,8 +205,8 @@ def slope_unit(law: JointLaw) -> Unit:
 def least_stable(law: JointLaw, count: int = 4000) -> float:
     """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
 
-    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`; of several inputs under the first
-    alone (the fit's own report has the largest slope over the whole box).
+    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`; of several inputs under the
+    first alone (the fit's own report has the largest slope over the whole box).
     """
     law = of_one_input(law)
     box = np.vstack([law.domain.actuation, law.domain.deformation])
