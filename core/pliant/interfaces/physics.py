@@ -13,11 +13,12 @@ import numpy as np
 
 from pliant.errors import ContractError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, Sensitivity
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
 from pliant.records.scene import Contact, Scene, SceneState
 
 
@@ -119,6 +120,32 @@ class Simulation(EngineHandle, ABC):
             UserError: the last `settle` did not converge, or ended where the stiffness is singular.
         """
         raise ContractError(f"{type(self).__name__} has no gradients (Capabilities.gradients is False)")
+
+    def respond(self, inputs: Inputs, start: Array | None = None) -> Response:
+        """The equilibrium under these inputs with its slopes by the actuations.
+
+        By `settle` and `sensitivity` where an engine has no faster way.
+
+        Args:
+            inputs: actuation and loads.
+            start: (n, a) joint coordinates to begin at, where the engine can use them.
+        """
+        self.apply(inputs)
+        found, names = self.settle(), self.chain.inputs
+        if not found.converged:
+            return self._response(found, np.zeros((len(names), *found.markers_m.shape)), None)
+        slopes = self.sensitivity()
+        by_input = np.array([slopes.markers_m[name] for name in names])
+        turned = np.array([slopes.joint_angles[name] for name in names])
+        return self._response(found, by_input, turned)
+
+    def _response(self, found: Equilibrium, by_input: Array, turned: Array | None) -> Response:
+        pose = ChainGeometry.of(self.chain).forward(found.joint_angles)
+        spin = np.zeros((len(by_input), 3))
+        if turned is not None and self.chain.laws[0].joint != "prismatic":
+            spin = np.einsum("nia,kna->ki", pose.directions, turned)
+        parts = (found.joint_angles, found.markers_m, by_input, pose.rotations[-1], spin)
+        return Response(*parts, turned is not None, not found.outside_domain)
 
 
 class SceneSimulation(EngineHandle, ABC):
