@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import ClassVar, Self
@@ -20,6 +20,9 @@ from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
 from pliant.records.scene import Contact, Scene, SceneState
+
+# Half-width of central differences, as a share of an input.
+DIFFERENCE = 1e-3
 
 
 class PhysicsConfig(ComponentConfig):
@@ -124,7 +127,7 @@ class Simulation(EngineHandle, ABC):
     def respond(self, inputs: Inputs, start: Array | None = None) -> Response:
         """The equilibrium under these inputs with its slopes by the actuations.
 
-        By `settle` and `sensitivity` where an engine has no faster way.
+        By `settle` and `sensitivity`, or differences of settled states where an engine has no gradients.
 
         Args:
             inputs: actuation and loads.
@@ -134,10 +137,28 @@ class Simulation(EngineHandle, ABC):
         found, names = self.settle(), self.chain.inputs
         if not found.converged:
             return self._response(found, np.zeros((len(names), *found.markers_m.shape)), None)
-        slopes = self.sensitivity()
+        try:
+            slopes = self.sensitivity()
+        except ContractError:
+            return self._differences(inputs, found)
         by_input = np.array([slopes.markers_m[name] for name in names])
         turned = np.array([slopes.joint_angles[name] for name in names])
         return self._response(found, by_input, turned)
+
+    def _differences(self, inputs: Inputs, found: Equilibrium) -> Response:
+        """The response by central differences of settled states."""
+        by_input, turned = [], []
+        for name in self.chain.inputs:
+            step = DIFFERENCE * max(abs(inputs.actuation[name]), 1.0)
+            sides = []
+            for way in (step, -step):
+                self.apply(
+                    replace(inputs, actuation={**inputs.actuation, name: inputs.actuation[name] + way})
+                )
+                sides.append(self.settle())
+            by_input.append((sides[0].markers_m - sides[1].markers_m) / (2 * step))
+            turned.append((sides[0].joint_angles - sides[1].joint_angles) / (2 * step))
+        return self._response(found, np.array(by_input), np.array(turned))
 
     def _response(self, found: Equilibrium, by_input: Array, turned: Array | None) -> Response:
         pose = ChainGeometry.of(self.chain).forward(found.joint_angles)
