@@ -33,7 +33,9 @@ def finger(**more: object) -> ChainModel:
 
 
 def at(simulation: Simulation, values: dict[str, float], force=(0.0, 0.0, 0.0)):
-    return simulation.respond(Inputs(values, np.array(force, float)), np.zeros((simulation.chain.n_joints, 1)))
+    return simulation.respond(
+        Inputs(values, np.array(force, float)), np.zeros((simulation.chain.n_joints, 1))
+    )
 
 
 @pytest.mark.parametrize("pressure_pa", [0.0, 3e3, 9.5e3, 15e3])
@@ -87,7 +89,9 @@ def test_of_all_pressures_that_reach_it_the_smallest_in_shares_of_their_ranges_i
         wanted = hidden["pressure_1_pa"] - hidden["pressure_2_pa"]
         assert found.reached
         # Least p₁²/12² + p₂²/9² with p₁ − p₂ given and both positive: the other chamber stays empty.
-        np.testing.assert_allclose(list(found.actuation.values()), [max(wanted, 0.0), max(-wanted, 0.0)], atol=2.0)
+        np.testing.assert_allclose(
+            list(found.actuation.values()), [max(wanted, 0.0), max(-wanted, 0.0)], atol=2.0
+        )
 
 
 def test_along_a_path_rates_hold_and_the_next_is_the_nearest() -> None:
@@ -127,7 +131,9 @@ def test_compiled_slopes_are_those_of_differences_of_another_engine() -> None:
 def test_opposed_actuators_of_one_input_add_up() -> None:
     """One signal on both sides of a joint with a linear law does nothing."""
     both = (Actuator("pressure_pa"), Actuator("pressure_pa", sign=-1.0))
-    found = built(sample_chain(linear_law(), modules=3).with_(actuators=both)).respond(Inputs({"pressure_pa": 5e3}))
+    found = built(sample_chain(linear_law(), modules=3).with_(actuators=both)).respond(
+        Inputs({"pressure_pa": 5e3})
+    )
     assert found.by_input.shape == (1, 5, 3)
     np.testing.assert_allclose(found.by_input, 0.0, atol=1e-15)
 
