@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -43,6 +43,9 @@ imports: $(VENV)/.dev  ## who may import whom
 
 check: lint types imports test  ## what CI runs, with the fast tests alone
 
+app-demo: $(VENV)/.dev  ## a user of the evidence page in headless Chromium; pictures in runs/app-demo
+	$(BIN)/python -m pytest -m "" -q tests/app/test_in_the_browser.py
+
 bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, as JSON in benchmarks/out
 
 bench-laws: $(VENV)/.run  ## FEM and joint laws
@@ -65,6 +68,7 @@ bench-families: $(VENV)/.run  ## FEM of the families against published curves, a
 	$(BIN)/python -m benchmarks.families.helical
 	$(BIN)/python -m benchmarks.families.translational
 	$(BIN)/python -m benchmarks.families.tendon_joint --sensitivity
+	$(BIN)/python -m benchmarks.families.several_chambers
 	$(BIN)/python -m benchmarks.families.sampling --helical
 	$(BIN)/python -m benchmarks.families.gripper_designs
 	$(BIN)/python -m benchmarks.families.chain_hypothesis

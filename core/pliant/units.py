@@ -68,6 +68,7 @@ COMMON = {
     "Hz": {"Hz": 1.0},
     "dimensionless": {"%": 1e-2},
 }
+WITHOUT_DIMENSION = {"rad", "dimensionless"}
 
 
 class UnitError(ValueError):
@@ -101,6 +102,9 @@ def parse_quantity(text: str, unit: str) -> float:
         return number
     if name in COMMON.get(unit, {}):
         return number * COMMON[unit][name]
+    other = next((of for of, names in COMMON.items() if name in names), None)
+    if other is not None and unit in COMMON and not {unit, other} <= WITHOUT_DIMENSION:
+        raise UnitError(f"'{text}' is {NAMES[other]}; it {wanted}")
     registry = _pint()
     try:
         quantity = registry.Quantity(number, registry.parse_units(name.replace("%", "percent")))

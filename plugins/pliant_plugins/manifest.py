@@ -30,6 +30,20 @@ EXTENDING = {
     "wall": "1.5 mm",
     "module_length": "10 mm",
 }
+TWO_CHAMBER = {
+    "width": "20 mm",
+    "height": "20 mm",
+    "wall": "2 mm",
+    "web": "2 mm",
+    "module_length": "10 mm",
+}
+THREE_CHAMBER = {
+    "radius": "10 mm",
+    "bore": "2 mm",
+    "wall": "1.5 mm",
+    "rib": "2 mm",
+    "module_length": "10 mm",
+}
 TENDON_JOINT = {
     "module_length": "28 mm",
     "flexure_length": "5 mm",
@@ -56,6 +70,16 @@ PNEUNET = {
     "channel_width": "2 mm",
     "channel_height": "1.5 mm",
     "layer": "1 mm",
+}
+WOUND_TUBE = {
+    "module_length": "10 mm",
+    "radius": "6 mm",
+    "wall": "2.5 mm",
+    "sleeve": "0.5 mm",
+    "thread_angle": "86 deg",
+    "thread_spacing": "2 mm",
+    "thread_stiffness": "500 N",
+    "sheet_angle": "50 deg",
 }
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
@@ -121,6 +145,30 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.pneunet.family:Pneunet",
             summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
             example=PNEUNET,
+        ),
+        Component(
+            interface="family",
+            kind="fibre_reinforced",
+            config=f"{HERE}.families.fibre_reinforced.family:FibreReinforcedConfig",
+            implementation=f"{HERE}.families.fibre_reinforced.family:FibreReinforced",
+            summary="tube wound with threads, with a sheet along one side; pressure bends it toward the sheet",
+            example=WOUND_TUBE,
+        ),
+        Component(
+            interface="family",
+            kind="two_chamber",
+            config=f"{HERE}.families.chambers.two_chamber:TwoChamberConfig",
+            implementation=f"{HERE}.families.chambers.two_chamber:TwoChamber",
+            summary="two opposed chambers with a pressure each; bends both ways",
+            example=TWO_CHAMBER,
+        ),
+        Component(
+            interface="family",
+            kind="three_chamber",
+            config=f"{HERE}.families.chambers.three_chamber:ThreeChamberConfig",
+            implementation=f"{HERE}.families.chambers.three_chamber:ThreeChamber",
+            summary="three chambers around a bore with a pressure each; bends about two axes",
+            example=THREE_CHAMBER,
         ),
         Component(
             interface="material",
