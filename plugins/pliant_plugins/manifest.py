@@ -347,6 +347,14 @@ def _engines() -> list[Component]:
         ),
         Component(
             interface="task",
+            kind="reach",
+            config=f"{HERE}.tasks.reach:ReachConfig",
+            implementation=f"{HERE}.tasks.reach:Reach",
+            summary="find the actuations that bring tip, direction or backbone to a target, or along a path",
+            example={"tip": ["20 mm", "0 mm", "-70 mm"], "bounds": {"pressure_pa": ["0 kPa", "15 kPa"]}},
+        ),
+        Component(
+            interface="task",
             kind="tip_load",
             config=f"{HERE}.tasks.ramp:TipLoadConfig",
             implementation=f"{HERE}.tasks.ramp:TipLoad",

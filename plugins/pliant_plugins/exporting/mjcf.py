@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 import numpy as np
 
 from pliant.exporting.written_law import identifier
+from pliant.inverse.limits import input_range
 from pliant.records.chain import ChainModel
 from pliant.records.shape import Shape
 from pliant_plugins.exporting.content import SurfaceFiles, shapes_of, stiffness_at_rest
@@ -97,20 +98,6 @@ def add_inputs(actuator: Element, chain: ChainModel, prefix: str = "") -> None:
         if np.isfinite([low, high]).all() and low < high:
             added.set("ctrlrange", text([low, high]))
             added.set("ctrllimited", "false")
-
-
-def input_range(chain: ChainModel, name: str) -> tuple[float, float]:
-    """Low and high of an input within the domains of all laws that it drives."""
-    limits = []
-    for joint in chain.joints:
-        law = chain.laws[joint.law]
-        first, last = getattr(joint, "drives", None) or (0, len(chain.actuators))
-        rows = np.atleast_2d(law.domain.actuation)
-        for place, actuator in enumerate(chain.actuators[first:last]):
-            if actuator.input == name:
-                limits.append(rows[min(place, len(rows) - 1)])
-    low, high = np.array(limits).T
-    return float(low.max()), float(high.min())
 
 
 def add_sensors(sensor: Element, chain: ChainModel, prefix: str = "") -> None:
