@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from pliant import __version__
 from pliant.cli.bars import TerminalProgress
+from pliant.cli.console import VisibleConsole
 from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
@@ -55,8 +55,8 @@ class Session:
 
     def __post_init__(self) -> None:
         # With JSON on standard output, words for people go to standard error.
-        self.out = Console(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
-        self.err = Console(stderr=True, highlight=False)
+        self.out = VisibleConsole(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
+        self.err = VisibleConsole(stderr=True, highlight=False)
         self.installed = self.registry = discover()
 
     def say(self, text: object = "", markup: bool = False) -> None:

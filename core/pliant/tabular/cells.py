@@ -12,8 +12,10 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.tabular.dates import NO_STAMP, StampClock, is_stamp, microseconds, of_day, since_first
+from pliant.units import BEYOND
 
 SHOWN = 20  # problems that a message lists
+NOTHING = 1 / BEYOND
 ENOUGH = 10_000  # problems after which reading stops
 MISSING = (
     "",
@@ -123,11 +125,15 @@ class Block:
         else:
             stated = [float(text) for text in self.marks.missing if is_number(text)]
             values = np.where(np.isin(cells, stated), np.nan, cells) if stated else cells
-        for index in np.flatnonzero(np.isinf(values)):
-            self.problems.add(
-                int(self.lines[index]), f"column {column} is infinite; leave it blank where nothing was read"
+        size = np.abs(values)
+        for index in np.flatnonzero(size > BEYOND):
+            what = (
+                "infinite" if np.isinf(size[index]) else f"beyond ±{BEYOND:g}, and no quantity is that large"
             )
-        return values
+            text = f"column {column} is {what}; leave it blank where nothing was read"
+            self.problems.add(int(self.lines[index]), text)
+        # Squares of such small numbers are none; a filter that runs out leaves them.
+        return np.where(size < NOTHING, 0.0, values) if (size < NOTHING).any() else values
 
     def _parsed(self, cells: Cells, column: str) -> Array:
         if self.marks.missing:

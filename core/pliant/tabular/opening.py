@@ -7,6 +7,7 @@ from typing import Any
 
 from pliant.config.measurements import ColumnNotes
 from pliant.errors import UserError
+from pliant.regular_files import require_regular
 from pliant.tabular import sources
 from pliant.tabular.cells import Marks
 from pliant.tabular.sheet import Sheet
@@ -47,6 +48,7 @@ def open_sheet(
         return sources.open_frame(source, Path(FRAME), marks, notes_name)
     path = Path(source)
     try:
+        require_regular(path)
         with path.open("rb") as raw:
             start = raw.read(16)
         for mark, what in NO_TABLES.items():
