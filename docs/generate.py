@@ -284,6 +284,8 @@ def _flow(value: Any) -> str:
         return "[" + ", ".join(_flow(item) for item in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, str) and Path(value).is_absolute():  # of a file that ships with a plugin
+        return Path(value).name
     return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
 
 

@@ -4,17 +4,20 @@ skfem (27-node cells, dilatation averaged per cell; at refinement 1, as studies 
 (Taylor–Hood of order 3, differentiated energies, its own Newton), which share nothing but the mesh of the family.
 
 States: free at 1/3, 2/3 and all of the largest actuation; there also held at 0 and at half the free angle; the
-helical bellow also, at a third of it, held on all three axes. Differences are shares of the range: the largest free
-angle, the effort that holds the joint at 0. Bar: 0.5 % for the refined cells, on
-three axes for those of refinement 1.
+helical bellow also, at a third of it, held on all three axes. The PneuNet has two materials, 10 : 1, and is solved by
+CalculiX too where that is installed (20-node cells with reduced integration, its own assembly and Newton).
+Differences are shares of the range: the largest free angle, the effort that holds the joint at 0. Bar: 0.5 % for the
+refined cells, on three axes for those of refinement 1.
 
 Prints the table and writes benchmarks/out/second_solver.json.
 """
 
 from __future__ import annotations
 
+import shutil
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,11 +29,12 @@ from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
+from pliant_plugins.families.pneunet.family import Pneunet, PneunetConfig
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.manifest import EXTENDING, FINGER, HELIX_MODULE, TENDON_JOINT
+from pliant_plugins.manifest import EXTENDING, FINGER, HELIX_MODULE, PNEUNET, TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 BAR = 0.005
@@ -43,7 +47,7 @@ class Case:
     """A family's example, its rubber's shear modulus (Pa), the largest actuation (Pa or N), the axes that move.
 
     `free` are the free states' shares of that actuation, the held states stand at the last; `refined` is the
-    refinement of the finer cells.
+    refinement of the finer cells; `regions` are moduli (Pa) by region.
     """
 
     family: ActuatorFamily
@@ -52,6 +56,7 @@ class Case:
     axes: tuple[str, ...]
     free: tuple[float, ...] = FREE
     refined: int = 2
+    regions: Mapping[str, float] = field(default_factory=dict)
 
 
 def cases() -> dict[str, Case]:
@@ -59,12 +64,14 @@ def cases() -> dict[str, Case]:
     bending = BellowBending(BellowBendingConfig.model_validate(FINGER))
     helical = BellowHelical(BellowHelicalConfig.model_validate(HELIX_MODULE))
     extending = BellowTranslational(BellowTranslationalConfig.model_validate(EXTENDING))
+    chamber = Pneunet(PneunetConfig.model_validate(PNEUNET))
     tendon = TendonJoint(TendonJointConfig.model_validate(TENDON_JOINT))
     return {
         "bellow_bending": Case(bending, 248e3, 15e3, ("y",)),
         "bellow_helical": Case(helical, 237e3, 15e3, ("y",)),
         "bellow_translational": Case(extending, 240.5e3, 15e3, ("x",)),
         "tendon_joint": Case(tendon, 71.9e6, 8.0, ("y",)),
+        "pneunet": Case(chamber, 200e3, 12e3, ("y",), regions={"layer": 2e6}),  # two materials, 10 : 1
         # the whole ring refined has 1920 cells: minutes for each state
         "bellow_helical_three_axes": Case(helical, 237e3, 15e3, ("x", "y", "z"), free=(1 / 3,), refined=1),
     }
@@ -105,6 +112,21 @@ def compare(
     return rows
 
 
+def rubber(modulus_pa: float) -> NeoHookean:
+    """A neo-Hookean rubber at its default ν."""
+    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=modulus_pa))
+
+
+def calculix() -> Any:
+    """CalculiX of contrib/pliant-calculix, or None where the package or its program is not installed."""
+    try:
+        from pliant_calculix.backend import Calculix
+        from pliant_calculix.config import CalculixConfig
+    except ImportError:
+        return None
+    return Calculix(CalculixConfig()) if shutil.which("ccx") else None
+
+
 def run(name: str, case: Case) -> dict[str, Any]:
     """Solve one case by every code and print its table."""
     wanted = {"ngsolve": 1, "skfem × 1": 1}
@@ -112,10 +134,15 @@ def run(name: str, case: Case) -> dict[str, Any]:
         wanted[f"skfem × {case.refined}"] = case.refined
     solved, seconds, half = {}, {}, None
     limits = {"pressure_max_pa": 15e3, "tendon_force_max_n": 8.0}
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=case.modulus))
+    material = rubber(case.modulus).with_regions({name: rubber(mu) for name, mu in case.regions.items()})
+    if case.regions and calculix() is not None:
+        wanted["calculix × 2"] = 2
     for label, refinement in wanted.items():
-        ngsolve = label == "ngsolve"
-        backend = Ngsolve(NgsolveConfig(order=3, **limits)) if ngsolve else Skfem(SkfemConfig(**limits))
+        backend: Any = Skfem(SkfemConfig(**limits))
+        if label == "ngsolve":
+            backend = Ngsolve(NgsolveConfig(order=3, **limits))
+        elif label.startswith("calculix"):
+            backend = calculix()
         begun = time.perf_counter()
         solver = backend.solver(case.family.problem(refinement, case.axes), material)
         solved[label] = states_of(case, solver, half)
@@ -131,10 +158,12 @@ def run(name: str, case: Case) -> dict[str, Any]:
             for label, d in apart.items()
         )
         print(f"  {state:18s} u {a.angle_rad:.6g}  τ {a.moment_n_m:.6g}  {'   '.join(cells)}", flush=True)
-    last = list(differences)[-1]
-    worst = max(max(row["u"], row["tau"]) for row in differences[last].values())
-    verdict = "met" if worst <= BAR else "missed"
-    print(f"  worst of {last}: {worst:.3%} of the range, bar {BAR:.1%}: {verdict}")
+    judged = [label for label in differences if label != "skfem × 1" or case.refined == 1]
+    each = {label: max(max(r["u"], r["tau"]) for r in differences[label].values()) for label in judged}
+    worst = max(each.values())
+    for label, far in each.items():
+        verdict = "met" if far <= BAR else "missed"
+        print(f"  worst of {label}: {far:.3%} of the range, bar {BAR:.1%}: {verdict}")
     states = {
         name: {"u": s.deformation.tolist(), "tau": s.tau.tolist(), "energy_j": s.energy_j, "status": s.status}
         for name, s in truth.items()

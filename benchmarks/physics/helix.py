@@ -45,7 +45,7 @@ G_M_S2 = 9.81
 # Least squares on FEM_TABLE, to six digits; used where the table is absent, and checked where it is there.
 FITTED_Y = StudyCoefficients(k_n=2.42685e-07, m_a=-8.94493e-08, m_e=8.18381e-3, b_e=6.59128e-3)
 FITTED_BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.51432, 0.84926]]))
-# Stated, as in examples/helix/helix.yaml: second bending axis, and twist.
+# Stated, of the size that examples/helix/helix.yaml has from FEM: second bending axis, and twist.
 STATED_Z = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.010, b_e=0.015)
 STATED_X = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.0, b_e=0.030)
 

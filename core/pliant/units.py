@@ -58,6 +58,22 @@ LONGEST_UNIT = 40
 POWERS = re.compile(r"(\^|\*\*)\s*[-+]?(\d{3,}|[\d.]+\s*(\^|\*\*))")
 
 
+# Factors of the commonest units, to the last bit those of `pint`, whose import takes as long as many a command.
+COMMON = {
+    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5},
+    "kg": {"kg": 1.0, "g": 1e-3},
+    "rad": {"rad": 1.0, "deg": 0.017453292519943295},
+    "N": {"N": 1.0, "mN": 1e-3},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "N*m": {"N*m": 1.0, "mN*m": 1e-3},
+    "kg/m^3": {"kg/m^3": 1.0},
+    "m/s^2": {"m/s^2": 1.0},
+    "Hz": {"Hz": 1.0},
+    "dimensionless": {"%": 1e-2},
+}
+
+
 class UnitError(ValueError):
     """A text is not a quantity of the wanted dimension."""
 
@@ -91,6 +107,8 @@ def parse_quantity(text: str, unit: str) -> float:
         return number
     if len(name) > LONGEST_UNIT or POWERS.search(name):  # pint would compute m**10**10
         raise UnitError(f"'{text}' has an unknown unit '{name}'; it {wanted}")
+    if name in COMMON.get(unit, {}):
+        return number * COMMON[unit][name]
     registry = _pint()
     try:
         quantity = registry.Quantity(number, registry.parse_units(name.replace("%", "percent")))

@@ -16,6 +16,7 @@ from matplotlib.patches import Circle, Rectangle
 from pliant_plugins.families.bellow.profile import BellowProfile
 from pliant_plugins.families.bellow_bending.mesh import BellowGeometry
 from pliant_plugins.families.bellow_helical.family import OFFSET, BellowHelical, BellowHelicalConfig
+from pliant_plugins.families.pneunet.geometry import ChamberGeometry
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 
 OUT = Path(__file__).parent.parent / "pictures"
@@ -291,8 +292,73 @@ def tendon_joint() -> Figure:
     return figure
 
 
+def pneunet() -> Figure:
+    g = ChamberGeometry(10.0, 15.0, 14.0, 1.5, 2.0, 1.6, 1.5, 1.5, 2.0, 1.5, 1.0)
+    _, inner, outer, half = g.x_lines
+    low, low_body, floor, channel, bridge, ceiling, top = g.z_lines
+    figure, ax, end = sheet((1.15, 1), 5.8)
+    ax.add_patch(Rectangle((-half, low_body), 2 * half, bridge - low_body, **SOFT, zorder=2))
+    ax.add_patch(Rectangle((-outer, low_body), 2 * outer, top - low_body, **SOFT, zorder=2))
+    ax.add_patch(
+        Rectangle(
+            (-half + 0.02, low_body + 0.02),
+            2 * half - 0.04,
+            bridge - low_body - 0.1,
+            color="#bcd6ea",
+            zorder=2,
+        )
+    )
+    air = {"facecolor": "white", "edgecolor": BLUE, "lw": 0.8, "zorder": 3}
+    ax.add_patch(Rectangle((-half, floor), 2 * half, channel - floor, **air))
+    ax.add_patch(Rectangle((-inner, floor), 2 * inner, ceiling - floor, **air))
+    ax.add_patch(
+        Rectangle(
+            (-inner - 0.1, floor + 0.06), 2 * inner + 0.2, channel - floor - 0.12, color="white", zorder=4
+        )
+    )
+    ax.add_patch(
+        Rectangle(
+            (-half, low), 2 * half, low_body - low, facecolor="#f3c9a9", edgecolor=ORANGE, lw=1.2, zorder=4
+        )
+    )
+    frame(ax, "x", 3.0)
+    dimension(ax, (-half, low), (half, low), "module_length", (0, low - 1.4), side="below")
+    dimension(ax, (-outer, top), (-inner, top), "wall", (0, top + 0.7))
+    dimension(ax, (outer, bridge), (half, bridge), "gap / 2", (0, top + 0.7))
+    dimension(ax, (half, low_body), (half, top), "height", (half + 5.6, 0))
+    dimension(ax, (inner, ceiling), (inner, top), "shell", (half + 0.8, 0))
+    dimension(ax, (half, channel), (half, bridge), "bridge", (half + 0.8, 0))
+    dimension(ax, (half, floor), (half, channel), "channel_height", (half + 0.8, 0))
+    dimension(ax, (-half, low_body), (-half, floor), "floor", (-half - 0.8, 0), side="left")
+    dimension(ax, (-half, low), (-half, low_body), "layer", (-half - 0.8, 0), side="left")
+    note(ax, "chamber, p", (0, 7.5), (0, 7.5), BLUE)
+    page(
+        ax,
+        (-9.0, 14.5),
+        (low - 3.5, top + 3.2),
+        "section y = 0: mid-gap, mid-chamber with the joint, mid-gap",
+    )
+
+    _, c, y, w = g.y_lines
+    end.add_patch(Rectangle((-w, low_body), 2 * w, top - low_body, **SOFT))
+    end.add_patch(Rectangle((-y, floor), 2 * y, ceiling - floor, **air))
+    end.add_patch(
+        Rectangle(
+            (-c, floor), 2 * c, channel - floor, facecolor="none", edgecolor=BLUE, lw=0.8, ls="--", zorder=5
+        )
+    )
+    end.add_patch(Rectangle((-w, low), 2 * w, low_body - low, facecolor="#f3c9a9", edgecolor=ORANGE, lw=1.2))
+    frame(end, "y", 3.0)
+    dimension(end, (-w, low), (w, low), "width", (0, low - 1.4), side="below")
+    dimension(end, (y, top), (w, top), "shell", (0, top + 0.7))
+    dimension(end, (-c, channel), (c, channel), "channel_width", (0, channel + 0.6))
+    note(end, "chamber, p", (0, 9.0), (0, 9.0), BLUE)
+    page(end, (-11, 11), (low - 3.5, top + 3.2), "section x = 0, seen along x; dashed: the channel")
+    return figure
+
+
 def main() -> None:
-    for draw in (bellow_bending, bellow_helical, bellow_translational, tendon_joint):
+    for draw in (bellow_bending, bellow_helical, bellow_translational, tendon_joint, pneunet):
         path = OUT / f"family_{draw.__name__}.png"
         draw().savefig(path, facecolor="white")
         print(f"written  {path}")

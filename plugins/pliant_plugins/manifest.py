@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pliant.registry.component import Component
@@ -41,6 +42,20 @@ TENDON_JOINT = {
     "link_density": "1290 kg/m^3",
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
+}
+EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
+PNEUNET = {
+    "module_length": "10 mm",
+    "width": "15 mm",
+    "height": "14 mm",
+    "wall": "1.5 mm",
+    "shell": "2 mm",
+    "gap": "1 mm",
+    "floor": "1.5 mm",
+    "bridge": "1.5 mm",
+    "channel_width": "2 mm",
+    "channel_height": "1.5 mm",
+    "layer": "1 mm",
 }
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
@@ -88,6 +103,24 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
             summary="rigid links with a soft flexure between them; a tendon below it bends it",
             example=TENDON_JOINT,
+        ),
+        Component(
+            interface="family",
+            kind="mesh_file",
+            config=f"{HERE}.families.mesh_file.family:MeshFileConfig",
+            implementation=f"{HERE}.families.mesh_file.family:MeshFile",
+            summary="a module from a volume mesh of tetrahedra or hexahedra with named surfaces",
+            example={"file": EXAMPLE_MESH, "unit": "mm", "part": "half", "symmetry": "symmetry"},
+            requires=("meshio",),
+            install="pip install 'pliant[fem]'",
+        ),
+        Component(
+            interface="family",
+            kind="pneunet",
+            config=f"{HERE}.families.pneunet.family:PneunetConfig",
+            implementation=f"{HERE}.families.pneunet.family:Pneunet",
+            summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
+            example=PNEUNET,
         ),
         Component(
             interface="material",

@@ -149,6 +149,10 @@ def test_what_is_for_tables_only_is_refused_for_studies(pliant, workplace):
     assert "kind 'tabel'" in pliant("fit", "bench.csv", "--kind", "tabel").err
 
 
+def test_a_folder_is_not_called_as_a_file(pliant, workplace):
+    pliant("fit", "bellow.csv", "--out", "law.yaml").refused("law.yaml is called as a file", "say law,")
+
+
 def test_a_pdf_is_no_table(pliant, workplace):
     (workplace / "paper.pdf").write_bytes(b"%PDF-1.7\n")
     assert "it is a PDF" in pliant("fit", "paper.pdf").err

@@ -204,6 +204,14 @@ def test_a_recording_in_a_notebook(saved):
     assert bench.plot(Figure().subplots()).lines
 
 
+def test_a_pattern_makes_a_folder_that_no_shell_expands(pliant, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for number in (1, 2):
+        Path(f"messung_0{number}.csv").write_text(f"time_s,pressure_pa,angle_rad\n0,0,0\n1,5e3,0.{number}\n")
+    pliant("import", "messung_*.csv").done()
+    assert [path.name for path in Path("runs").iterdir()] == ["messung-import"]
+
+
 def test_a_choice_within_a_key_that_is_stated_stands_below_it():
     block = {"file": "a.csv", "units": {"pressure_pa": "mbar"}}
     text = block_text(block, advised(["write 'units: {angle_rad: deg}' in a.yaml", "'no line of: notes'"]))

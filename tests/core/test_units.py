@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from pliant import units
 from pliant.interfaces.base import FrozenModel
-from pliant.units import EXAMPLES, Length, Pressure, UnitError, parse_quantity, strip_unit_suffix
+from pliant.units import COMMON, EXAMPLES, Length, Pressure, UnitError, parse_quantity, strip_unit_suffix
 
 FACTORS = {
     ("mm", "m"): 1e-3,
@@ -41,6 +42,15 @@ def test_number_and_unit_give_the_number_times_the_factor(number, units, space):
     written, unit = units
     value = parse_quantity(f"{number!r}{space}{written}", unit)
     assert value == pytest.approx(number * FACTORS[units], rel=1e-12, abs=1e-300)
+
+
+@pytest.mark.parametrize("unit", COMMON)
+@given(number=st.floats(-1e6, 1e6, allow_nan=False))
+def test_common_units_are_to_the_last_bit_those_of_pint(unit, number):
+    registry = units._pint()
+    for name in COMMON[unit]:
+        written = registry.parse_units(name.replace("%", "percent"))
+        assert parse_quantity(f"{number!r} {name}", unit) == registry.Quantity(number, written).to(unit).m
 
 
 @given(text=st.text(max_size=20), unit=st.sampled_from(sorted(EXAMPLES)))

@@ -31,6 +31,8 @@ def test_a_pattern_gives_runs_in_natural_order_and_a_list_its_own(folder):
     found = read_measurements(str(folder / "run_*.csv"))
     assert [run.name for run in found.runs] == ["run_1", "run_2", "run_10"]
     assert [run.outputs["angle_rad"][1] for run in found.runs] == pytest.approx([0.1, 0.2, 1.0])
+    said = [remark for remark in found.remarks if "no column 'run'" in remark]
+    assert len(said) == 1 and said[0].startswith("run_1.csv and 2 more files: ")
     listed = read_measurements([folder / "run_10.csv", str(folder / "run_[12].csv")])
     assert [run.name for run in listed.runs] == ["run_10", "run_1", "run_2"]
     assert "no file fits" in refusal(folder / "test_*.csv")

@@ -197,6 +197,25 @@ def test_derivatives_by_the_strength_of_an_effect_over_two_runs_of_one_specimen(
     assert np.abs(wanted[1]).max() > 1e-5
 
 
+def test_derivatives_stay_bounded_in_holds_of_a_dashpot_that_thickens_with_the_rate() -> None:
+    """A change of the past that is larger than what still counts as rest must not grow from step to step."""
+    t = 0.02 * np.arange(400)
+    steps = np.repeat([0.0, 1.0, 0.5, 0.0], 100)
+    chain = (
+        BENCH.build("effect", effect("viscous_damping", time=0.5, rate_power=1.3)).apply(Model(BASE)).chain
+    )
+
+    def pushed(x: float) -> Variation:
+        return Variation(chain, (History.of({"pressure_pa": 0.5 * P * (steps + x)}, t, run="a"),))
+
+    base, there = pushed(0.0), pushed(1e-3)
+    _, (change,) = ENGINE.follow(base.chain, base.histories, [there])
+    moved, _ = ENGINE.follow(there.chain, there.histories)
+    plain, _ = ENGINE.follow(base.chain, base.histories)
+    exact = moved[0].joint_angles - plain[0].joint_angles
+    np.testing.assert_allclose(change[0].joint_angles, exact, atol=0.02 * np.abs(exact).max())
+
+
 def test_derivatives_of_what_changes_the_body_follow_the_varied_chain() -> None:
     def longer(x: float) -> Variation:
         joints = tuple(dataclasses.replace(j, offset_m=x * j.offset_m) for j in BASE.joints)

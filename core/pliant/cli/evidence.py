@@ -116,10 +116,10 @@ def diagnose(
         judged = judge_counts(evidence)
         here.show(counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry), folder)
         return
+    kinds = candidate_kinds(here.registry, effect or None)
     measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
-    kinds = candidate_kinds(here.registry, effect or None)
     own = own_runs(loaded, predictor.chain, measurement)
     with fitting_bar(here.progress, len(kinds)) as bar:
         found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)

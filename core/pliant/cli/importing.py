@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -30,10 +31,15 @@ def import_(
     if out is not None:
         check_target(study, out)
     measurement, document = api.read(paths, notes)
-    folder = report or Path("runs") / f"{Path(paths[0]).stem}-import"
+    folder = report or Path("runs") / f"{_plain_name(paths[0])}-import"
     check_writable(folder)
     here.show(document, folder)
     if out is not None:
         write_study(out, measurement, document.data["measurements"], study, here.installed)
         here.result["study"] = str(out)
         here.say(f"study    {out}")
+
+
+def _plain_name(path: Path | str) -> str:
+    """A file's or pattern's stem without the characters that a shell expands."""
+    return re.sub(r"[^\w.-]+", "", Path(path).stem).strip("_-.") or "recording"

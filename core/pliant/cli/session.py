@@ -33,6 +33,8 @@ from pliant.report.stage import StoredPage, write_page
 from pliant.store.store import ArtifactStore, write_atomically
 
 LONGEST_NAME = 80
+# Endings of files, which no folder should have.
+FILE_ENDINGS = (".yaml", ".yml", ".json", ".html", ".csv")
 
 
 @dataclass
@@ -157,6 +159,10 @@ def _check_json_target(target: str) -> None:
 
 def check_writable(folder: Path) -> None:
     """Make the folder and try to write in it; raises `UserError` before any work is done."""
+    if folder.suffix.lower() in FILE_ENDINGS and not folder.exists():
+        raise UserError(
+            f"{folder} is called as a file, and a folder is written; say {folder.with_suffix('')}, for one."
+        )
     missing: list[Path] = []
     try:
         missing += [p for p in (folder, *folder.parents) if not p.exists()]

@@ -13,6 +13,7 @@ PATH_KEYS = (
     ("task", "points"),
     ("sweep", "designs"),
     ("family", "visual"),
+    ("family", "file"),
 )
 
 
@@ -25,7 +26,8 @@ def change_paths(study: dict[str, Any], change: Callable[[str], str]) -> None:
     for segment in segments if isinstance(segments, list) else []:
         if isinstance(segment, dict):
             _change(segment.get("surrogate"), "data", change)
-            _change(segment.get("family"), "visual", change)
+            for key in ("visual", "file"):
+                _change(segment.get("family"), key, change)
     _change_in_search(study.get("search"), change)
     if isinstance(study.get("plugins"), list):
         study["plugins"] = [change(f) if isinstance(f, str) else f for f in study["plugins"]]

@@ -82,9 +82,9 @@ class Prior:
 def most_likely(
     axes: Sequence[CurveAxis], sums: Sums, n_effective: float, floor_square: float
 ) -> Prior | None:
-    """The prior under which the readings are most likely; None where the curve moves none of them."""
+    """The prior under which the readings are most likely; None where the curve moves no reading, or one without end."""
     gram, right, n = sums.gram.sum(axis=0), sums.right.sum(axis=0), float(sums.count.sum())
-    if not np.trace(gram) > 0.0:
+    if not 0.0 < np.trace(gram) < np.inf:
         return None
     noise, found = floor_square, None
     for _ in range(ROUNDS):

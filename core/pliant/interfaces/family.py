@@ -50,6 +50,7 @@ class ActuatorFamily(Configured[FamilyConfig]):
     axes: ClassVar[tuple[str, ...]] = ("y",)
     main_axis: ClassVar[str] = "y"
     actuation: ClassVar[str] = "pressure_pa"  # or "tendon_force_n"
+    refines: ClassVar[bool] = True  # False: `problem` refuses any other refinement than 1
     # Names of the mesh's regions, each of a material of its own; a family that knows them by its config overrides this.
     regions: tuple[str, ...] = ()
 
@@ -79,10 +80,15 @@ class ActuatorFamily(Configured[FamilyConfig]):
         """The boundary-value problem of one module.
 
         Args:
-            refinement: multiplies the elements along each edge.
+            refinement: multiplies the elements along each edge; a family that cannot (`refines = False`) raises
+                `UserError` for any other than 1.
             axes: the axes that shall move, the main one among them, all others staying at zero: a family of
                 several axes may then solve a smaller piece. By default all of them.
         """
+
+    def remarks(self) -> tuple[str, ...]:
+        """What the user should know of the design, a sentence each; said once, where its FEM data are made."""
+        return ()
 
     def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
         """Several modules as one body, clamped at the base, closed at the tip, for direct FEM of a chain.

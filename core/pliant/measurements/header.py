@@ -99,7 +99,7 @@ def read_header(
         else:
             used.append(column)
     if "run" not in found and all(column.name != "run" for column in given):
-        remarks.append(f"The file has no column 'run': all rows are one run, '{path.stem}'.")
+        remarks.append("The file has no column 'run': all rows are one run, called as the file.")
     if "time_s" not in found:
         remarks.append(
             "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "

@@ -58,12 +58,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         tuple(runs),
         outputs,
         " + ".join(m.source for m in measurements),
-        tuple(
-            Remark.of(remark).from_file(m.source)
-            for m in measurements
-            for remark in m.remarks
-            if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES)
-        ),
+        _remarks(measurements),
         next(iter(arms), ((), ()))[0],
         digest if any(m.sha256 for m in measurements) else "",
         tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),
@@ -71,6 +66,22 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
         next(iter(arms), ((), ()))[1],
     )
+
+
+def _remarks(measurements: Sequence[Measurement]) -> tuple[Remark, ...]:
+    """What is said of the files, once where it is said of several."""
+    said: dict[str, list[tuple[Remark, str]]] = {}
+    for m in measurements:
+        for remark in m.remarks:
+            if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES):
+                said.setdefault(remark, []).append((Remark.of(remark), m.source))
+    return tuple(_of_files(same[0][0], [source for _, source in same]) for same in said.values())
+
+
+def _of_files(remark: Remark, sources: Sequence[str]) -> Remark:
+    """The remark with the files that it is about."""
+    more = len(sources) - 1
+    return remark.from_file(f"{sources[0]} and {more} more file{'s' * (more > 1)}" if more else sources[0])
 
 
 def _joined(run: MeasuredRun, outputs: Sequence[str], taken: set[str], stem: str) -> MeasuredRun:

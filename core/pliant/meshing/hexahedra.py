@@ -125,17 +125,17 @@ def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 def area_vector(nodes_m: Array, faces: IntArray) -> Array:
     """∮ n dA (3,) in m² over faces (f, 9): zero if they are closed."""
-    _, normals = _face_quadrature(nodes_m, faces)
+    _, normals = face_quadrature(nodes_m, faces)
     return np.asarray(normals.sum(axis=(0, 1)))
 
 
 def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:
     """∮ x·n dA / 3 in m³ over closed faces (f, 9) with normals outward: the divergence theorem."""
-    points, normals = _face_quadrature(nodes_m, faces)
+    points, normals = face_quadrature(nodes_m, faces)
     return float(np.einsum("fqi,fqi->", points, normals) / 3)
 
 
-def _face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
+def face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
     """Gauss points (f, 9, 3) and n dA (f, 9, 3); x·n dA is of degree 5 in each coordinate, hence exact."""
     point, weight = gauss(3)
     value, slope = lagrange(point)

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.meshing.hexahedra import quadrature
-from pliant.records.design import MassProperties, ModuleMass
+from pliant.meshing.cells import kind_of
+from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleMesh
 
 UNIFORM: Mapping[str, float] = MappingProxyType({})
@@ -50,7 +50,32 @@ def meshed_mass(
 
     `regions` are densities by region. Raises `ContractError` for one that the mesh does not have.
     """
-    point, volume = quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    return _of_points(*_points(mesh, density_kg_m3, regions))
+
+
+def split_masses(
+    mesh: ModuleMesh,
+    span_m: float,
+    density_kg_m3: float,
+    mirror_y: bool = True,
+    regions: Mapping[str, float] = UNIFORM,
+) -> ModuleMass:
+    """Masses of a whole module, x from 0 to span, about the joint in its middle.
+
+    Together they are exact; a cell that the joint's plane crosses is shared out by its quadrature points.
+    """
+    x, dm = _points(mesh, density_kg_m3, regions)
+    x = x - np.array([span_m / 2, 0.0, 0.0])
+    ahead = x[:, 0] >= 0
+    halves = [_of_points(x[chosen], dm[chosen]) for chosen in (~ahead, ahead)]
+    if mirror_y:
+        halves = [half.joined(mirrored(half, 1)) for half in halves]
+    return ModuleMass(*halves)
+
+
+def _points(mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float]) -> tuple[Array, Array]:
+    """Quadrature points (n, 3) in m and their masses (n,) in kg."""
+    point, volume = kind_of(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
     density = np.full((len(mesh.cells), 1), density_kg_m3)
     for name, own in regions.items():
         if name not in mesh.regions:
@@ -59,7 +84,11 @@ def meshed_mass(
                 f"a density is given for the region '{name}'; the mesh's regions are {known}."
             )
         density[mesh.regions[name]] = own
-    x, dm = point.reshape(-1, 3), (density * volume).ravel()
+    return point.reshape(-1, 3), (density * volume).ravel()
+
+
+def _of_points(x: Array, dm: Array) -> MassProperties:
+    """Of masses dm (n,) at points x (n, 3)."""
     mass = float(dm.sum())
     com = dm @ x / mass
     arm = x - com

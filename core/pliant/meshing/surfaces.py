@@ -7,19 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from pliant.meshing.cells import kind_of_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape, TriangleMesh
 
-# The 3 × 3 nodes of a quadratic face as eight triangles, local node a + 3b.
-FACE = np.array(
-    [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [3, 4, 7], [3, 7, 6], [4, 5, 8], [4, 8, 7]], np.int64
-)
-
 
 def half_skins(mesh: ModuleMesh, mirror_y: bool = True) -> HalfSurfaces:
     """The skin of the meshed piece and its mirror images in y = 0 (if `mirror_y`) and x = 0."""
-    faces = mesh.skin[:, FACE].reshape(-1, 3)
+    faces = mesh.skin[:, kind_of_faces(mesh.skin).triangles].reshape(-1, 3)
     if mirror_y:
         # Faces on the mirror plane are inside the whole module.
         faces = faces[np.abs(mesh.nodes_m[faces, 1]).max(axis=1) > 1e-9]
@@ -28,6 +24,22 @@ def half_skins(mesh: ModuleMesh, mirror_y: bool = True) -> HalfSurfaces:
     if mirror_y:
         end = end.joined(mirrored(end, 1))
     return HalfSurfaces(start=mirrored(end, 0), end=end)
+
+
+def split_skins(mesh: ModuleMesh, span_m: float, mirror_y: bool = True) -> HalfSurfaces:
+    """The skin of a mesh of a whole module, x from 0 to span, cut at the joint in its middle."""
+    end = half_skins(mesh, mirror_y).end
+    whole = TriangleMesh(end.vertices_m - np.array([span_m / 2, 0.0, 0.0]), end.faces)
+    return HalfSurfaces(start=side(whole, -1.0), end=side(whole, 1.0))
+
+
+def split_boxes(surfaces: HalfSurfaces) -> HalfShapes:
+    """The boxes around the two halves' surfaces."""
+    start, end = (
+        (box(part.vertices_m.min(axis=0), part.vertices_m.max(axis=0)),)
+        for part in (surfaces.start, surfaces.end)
+    )
+    return HalfShapes(start=start, end=end)
 
 
 def half_boxes(mesh: ModuleMesh, mirror_y: bool = True) -> HalfShapes:
@@ -53,6 +65,35 @@ def mirrored(surface: TriangleMesh, axis: int) -> TriangleMesh:
     signs[axis] = -1.0
     faces: IntArray = surface.faces[:, ::-1].copy()
     return TriangleMesh(surface.vertices_m * signs, faces)
+
+
+def side(surface: TriangleMesh, sign: float) -> TriangleMesh:
+    """The part of a surface where sign · x ≥ 0, triangles cut at x = 0."""
+    faces = [piece for face in surface.faces for piece in _cut(surface.vertices_m[face], sign)]
+    corners = np.array(faces, float).reshape(-1, 3)
+    unique, ids = np.unique(corners, axis=0, return_inverse=True)
+    return TriangleMesh(unique, ids.reshape(-1, 3).astype(np.int64))
+
+
+def _cut(corners: Array, sign: float) -> list[Array]:
+    """The triangles, none to two, that lie on one side of x = 0, by clipping corner after corner."""
+    depth = sign * corners[:, 0]
+    if np.all(depth >= 0):
+        # What lies in the plane belongs to the end half.
+        return [] if sign < 0 and np.all(depth == 0) else [corners]
+    kept = []
+    for here in range(3):
+        there = (here + 1) % 3
+        if depth[here] >= 0:
+            kept.append(corners[here])
+        if (depth[here] > 0 > depth[there]) or (depth[here] < 0 < depth[there]):
+            # From the lower corner on both sides of the cut, so that both halves get the same point.
+            low, high = (here, there) if corners[here, 0] < corners[there, 0] else (there, here)
+            share = corners[low, 0] / (corners[low, 0] - corners[high, 0])
+            point = corners[low] + share * (corners[high] - corners[low])
+            point[0] = 0.0
+            kept.append(point)
+    return [np.array([kept[0], kept[k], kept[k + 1]]) for k in range(1, len(kept) - 1)]
 
 
 def welded(surface: TriangleMesh) -> TriangleMesh:

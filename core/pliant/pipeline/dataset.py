@@ -13,12 +13,13 @@ from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
+from pliant.meshing.cells import HEXAHEDRON, SquareSkin
 from pliant.pipeline.sampling.plan import sample
 from pliant.pipeline.sampling.strategies import loads_of
 from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
-from pliant.records.fem import COUPLING, TRUSTED, FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
+from pliant.records.fem import COUPLING, TRUSTED, FemState, ModuleData, ModuleMesh, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
 
 OF_STATES = (
@@ -90,7 +91,7 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     built: ActuatorFamily = bench.build("family", family)
     backend: FEMBackend = bench.build("fem", fem)
     substance: Material = bench.build("material", material)
-    for remark in substance.remarks():
+    for remark in (*built.remarks(), *substance.remarks()):
         bench.progress.note(remark)
 
     def pieces_of(problems: Mapping[str, ModuleProblem]) -> list[Piece]:
@@ -186,7 +187,7 @@ def as_data(
     rows = module_rows(sampling, whole.axes, whole.main_axis)
     solver = next(piece.solver for piece in pieces if piece.name == MAIN)
     meshes = {name: problem.mesh for name, problem in problems.items()}
-    sizes = {name: {"n_cells": len(m.cells), "n_nodes": len(m.nodes_m)} for name, m in meshes.items()}
+    sizes = {name: _size(mesh) for name, mesh in meshes.items()}
     return ModuleData(
         design=family.design,
         joint=whole.joint,
@@ -205,21 +206,26 @@ def _shapes(
 ) -> tuple[ModuleShape, ...]:
     """The skin at rest and on the free branch, in ascending actuation; the last one with its stress."""
     free = [s.state for s in solved if s.target.branch == "free" and s.target.piece == MAIN]
-    nodes, faces = np.unique(problem.mesh.skin, return_inverse=True)
-    skin: IntArray = faces.reshape(problem.mesh.skin.shape).astype(np.int64)
+    skin = SquareSkin.of(problem.mesh.skin)
     mirrors = mirror_planes(problem)
 
     def shape(state: FemState, stress: Array | None = None) -> ModuleShape:
-        points = solver.deformed_nodes(state)[nodes]
-        return ModuleShape(state.actuation, state.angle_rad, points, skin, stress, mirrors)
+        points = skin.values(solver.deformed_nodes(state))
+        return ModuleShape(state.actuation, state.angle_rad, points, skin.faces, stress, mirrors)
 
-    return (*(shape(state) for state in free[:-1]), *(shape(s, _stress(solver, s, nodes)) for s in free[-1:]))
+    return (*(shape(state) for state in free[:-1]), *(shape(s, _stress(solver, s, skin)) for s in free[-1:]))
 
 
-def _stress(solver: ModuleSolver, state: FemState, nodes: IntArray) -> Array | None:
-    """Von Mises stress at some nodes, or None where the backend gives no fields."""
+def _size(mesh: ModuleMesh) -> dict[str, int]:
+    """Cells and nodes; the cells' own nodes where they are no hexahedra."""
+    size, of_cell = {"n_cells": len(mesh.cells), "n_nodes": len(mesh.nodes_m)}, mesh.cells.shape[1]
+    return size if of_cell == HEXAHEDRON.nodes else {**size, "cell_nodes": of_cell}
+
+
+def _stress(solver: ModuleSolver, state: FemState, skin: SquareSkin) -> Array | None:
+    """Von Mises stress on the skin, or None where the backend gives no fields."""
     try:
-        return np.asarray(solver.fields(state).point_data["von_mises_pa"][nodes], dtype=float)
+        return skin.values(np.asarray(solver.fields(state).point_data["von_mises_pa"], dtype=float))
     except (UserError, KeyError):
         return None
 

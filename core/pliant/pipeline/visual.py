@@ -7,8 +7,8 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.stl import read_stl
-from pliant.records.design import Array
-from pliant.records.shape import HalfSurfaces, TriangleMesh
+from pliant.meshing.surfaces import side
+from pliant.records.shape import HalfSurfaces
 
 # A drawn module's length along x, of the module's: beyond it the unit is wrong, or another part was meant.
 SHORTEST, LONGEST = 0.2, 5.0
@@ -32,32 +32,3 @@ def seen_surface(family: ActuatorFamily) -> HalfSurfaces:
             "frame (x along the chain, origin at the joint); a file in millimetres needs 'visual_scale: 0.001'."
         )
     return HalfSurfaces(start=side(surface, -1.0), end=side(surface, 1.0))
-
-
-def side(surface: TriangleMesh, sign: float) -> TriangleMesh:
-    """The part of a surface where sign · x ≥ 0, triangles cut at x = 0."""
-    faces = [piece for face in surface.faces for piece in _cut(surface.vertices_m[face], sign)]
-    corners = np.array(faces, float).reshape(-1, 3)
-    unique, ids = np.unique(corners, axis=0, return_inverse=True)
-    return TriangleMesh(unique, ids.reshape(-1, 3).astype(np.int64))
-
-
-def _cut(corners: Array, sign: float) -> list[Array]:
-    """The triangles, none to two, that lie on one side of x = 0, by clipping corner after corner."""
-    depth = sign * corners[:, 0]
-    if np.all(depth >= 0):
-        # What lies in the plane belongs to the end half.
-        return [] if sign < 0 and np.all(depth == 0) else [corners]
-    kept = []
-    for here in range(3):
-        there = (here + 1) % 3
-        if depth[here] >= 0:
-            kept.append(corners[here])
-        if (depth[here] > 0 > depth[there]) or (depth[here] < 0 < depth[there]):
-            # From the lower corner on both sides of the cut, so that both halves get the same point.
-            low, high = (here, there) if corners[here, 0] < corners[there, 0] else (there, here)
-            share = corners[low, 0] / (corners[low, 0] - corners[high, 0])
-            point = corners[low] + share * (corners[high] - corners[low])
-            point[0] = 0.0
-            kept.append(point)
-    return [np.array([kept[0], kept[k], kept[k + 1]]) for k in range(1, len(kept) - 1)]

@@ -54,14 +54,15 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class ModuleMesh:
-    """A mesh of 27-node hexahedra in the module frame (x along the chain, bending about y), in metres.
+    """A mesh of quadratic cells of one kind in the module frame (x along the chain, bending about y), in metres.
 
     Attributes:
         nodes_m: (n, 3) reference coordinates.
-        cells: (m, 27) node ids in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2.
-        cavity: (f, 9) node ids of the wetted faces, local node a + 3b; ∂x/∂a × ∂x/∂b points out of the
-            solid, into the cavity.
-        skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
+        cells: (m, 27) node ids of hexahedra in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2;
+            or (m, 10) of tetrahedra, corners, then the middles of the edges 01, 12, 02, 03, 13, 23.
+        cavity: (f, 9) node ids of the wetted faces, local node a + 3b, or (f, 6), corners, then the middles of the
+            edges 01, 12, 02; ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
+        skin: (g, 9) or (g, 6) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
         regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
             each its material, density included, under `material.regions`.
@@ -208,6 +209,7 @@ class ModuleProblem:
         """Names of all that a backend must know to solve it: `requires`, and the optional parts that it has."""
         parts = {
             "regions": self.mesh.regions,
+            "tetrahedra": self.mesh.cells.shape[1] == 10,
             "ribbons": self.ribbons,
             "tendon": self.tendon,
             "links": self.links,
@@ -307,7 +309,7 @@ class ModuleFields:
     Attributes:
         points_m: (n, 3) reference positions in the module frame.
         displacement_m: (n, 3).
-        cells: (m, 27) as in `ModuleMesh`.
+        cells: (m, 27) or (m, 10) as in `ModuleMesh`.
         point_data: named nodal values, (n,) or (n, 3): `von_mises_pa`, `hydrostatic_pa`, `energy_j_m3`,
             `volume_ratio`, `largest_stretch`.
     """
@@ -321,6 +323,8 @@ class ModuleFields:
 @dataclass(frozen=True, eq=False)
 class ModuleShape:
     """Deformed skin of the solved piece at one state, for pictures: points (n, 3) in m, faces (g, 9).
+
+    Triangles of tetrahedra are squares with a collapsed edge (`meshing.cells.SquareSkin`).
 
     Attributes:
         von_mises_pa: (n,) von Mises stress on the skin, where it was asked for and the backend gives fields.

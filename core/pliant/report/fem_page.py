@@ -202,7 +202,9 @@ def cost_table(data: ModuleData, backend: str) -> Table:
     pieces = data.sampling.get("pieces")
     labels = {"main": "mesh", "full": "mesh of the whole module"}
     meshes = {
-        labels.get(str(name), str(name)): f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"
+        labels.get(
+            str(name), str(name)
+        ): f"{size['n_cells']} elements of {size.get('cell_nodes', 27)} nodes, {size['n_nodes']} nodes"
         for name, size in (pieces if isinstance(pieces, Mapping) else {}).items()
     }
     values = {

@@ -1,7 +1,7 @@
 """Fields as VTU files for ParaView, and PVD files that put the states of a branch in a row.
 
-Cells are VTK's triquadratic hexahedra. A file's points are those at rest; `displacement_m` moves them ("Warp By
-Vector").
+Cells are VTK's triquadratic hexahedra or quadratic tetrahedra. A file's points are those at rest; `displacement_m`
+moves them ("Warp By Vector").
 """
 
 from __future__ import annotations
@@ -15,17 +15,9 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import MissingDependencyError
+from pliant.meshing.raising import VTK_ORDER
 from pliant.records.fem import IntArray, ModuleFields
 from pliant.store.store import write_atomically
-
-# Places (i, j, k)/2 of VTK's 27 nodes in the cell: corners, edges, faces, middle (vtkTriQuadraticHexahedron).
-CORNERS = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2))
-EDGES = (
-    (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
-    (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1),
-)  # fmt: skip
-FACES = ((0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2))
-VTK_ORDER = np.array([i + 3 * j + 9 * k for i, j, k in (*CORNERS, *EDGES, *FACES, (1, 1, 1))])
 
 
 def require_meshio() -> Any:
@@ -42,6 +34,11 @@ def vtk_cells(cells: IntArray) -> IntArray:
     return np.asarray(cells)[:, VTK_ORDER]
 
 
+def _block(cells: IntArray) -> tuple[str, IntArray]:
+    """meshio's name of the cells (m, 27) or (m, 10), and the cells in VTK's order of nodes."""
+    return ("tetra10", cells) if cells.shape[1] == 10 else ("hexahedron27", vtk_cells(cells))
+
+
 def write_vtu(path: Path, fields: ModuleFields) -> None:
     """One state as a VTU file; nodes that no cell has are left out."""
     meshio = require_meshio()
@@ -49,7 +46,7 @@ def write_vtu(path: Path, fields: ModuleFields) -> None:
     data = {name: np.ascontiguousarray(values[used]) for name, values in fields.point_data.items()}
     mesh = meshio.Mesh(
         np.ascontiguousarray(fields.points_m[used]),
-        [("hexahedron27", vtk_cells(cells.reshape(fields.cells.shape)))],
+        [_block(cells.reshape(fields.cells.shape))],
         point_data={"displacement_m": np.ascontiguousarray(fields.displacement_m[used]), **data},
     )
     temporary = path.with_name(f".{path.name}")

@@ -29,7 +29,10 @@ from pliant.registry.component import Component
 T = TypeVar("T")
 P = ParamSpec("P")
 # Interface → modules of this room whose checks it has beside those of the module called like it.
-MORE = {"effect": ("effect_terms", "effect_found"), "physics": ("physics_runs", "physics_scene")}
+MORE = {
+    "effect": ("effect_terms", "effect_found"),
+    "physics": ("physics_runs", "physics_motion", "physics_scene"),
+}
 
 
 class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports

@@ -10,11 +10,14 @@ A_c, z_c area and centroid of the cavity, z_e that of the solid section.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
 from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
+from pliant.meshing.tetrahedra import EDGES
+from pliant.meshing.tetrahedra import boundary_faces as tetrahedral_faces
 from pliant.records.fem import Link, ModuleMesh, ModuleProblem, Tendon
 
 # Lattice lines across the section, in m; the cavity is the cell y < Y[1], Z[1] < z < Z[2].
@@ -164,3 +167,20 @@ def spatial_box_mesh(refinement: int = 1) -> ModuleMesh:
         np.linalg.norm(nodes - np.array([0.0, 0.0, Z[-1]]), axis=1) < 1e-9 * length
     )
     return ModuleMesh(nodes, cells, cavity, skin, sets)
+
+
+def tetrahedral(mesh: ModuleMesh) -> ModuleMesh:
+    """The same nodes and body with each hexahedron cut into six 10-node tetrahedra along its main diagonal (Kuhn).
+
+    All cells must belong to one structured grid, or the diagonals of common faces would cross.
+    """
+    steps, pieces = np.array([2, 6, 18]), []
+    for order in permutations(range(3)):
+        corners = np.concatenate([[0], np.cumsum(steps[list(order)])])
+        if np.linalg.det(np.eye(3)[list(order)]) < 0:
+            corners = corners[[0, 2, 1, 3]]
+        pieces.append(np.concatenate([corners, (corners[EDGES[:, 0]] + corners[EDGES[:, 1]]) // 2]))
+    cells = mesh.cells[:, np.array(pieces)].reshape(-1, 10)
+    skin, _ = tetrahedral_faces(cells)
+    wetted = np.isin(skin, mesh.cavity).all(axis=1)
+    return replace(mesh, cells=cells, cavity=skin[wetted], skin=skin)

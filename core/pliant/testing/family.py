@@ -8,16 +8,15 @@ from functools import partial
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.errors import InvalidDesignError
+from pliant.errors import ContractError, InvalidDesignError, UserError
 from pliant.interfaces.family import ActuatorFamily
-from pliant.meshing.hexahedra import (
-    FACE_CENTRE,
+from pliant.meshing.cells import (
     area_vector,
     boundary_faces,
     cell_volumes,
     enclosed_volume,
-    jacobians,
-    sample_points,
+    face_keys,
+    kind_of,
 )
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
@@ -57,11 +56,13 @@ def _has_rigid_ends(subject: Subject) -> bool:
 def _mesh_finding(problem: ModuleProblem) -> str | None:
     """What is wrong with a mesh's elements, or None."""
     nodes, cells = problem.mesh.nodes_m, problem.mesh.cells
-    if cells.ndim != 2 or cells.shape[1] != 27:
-        return f"cells have shape {cells.shape}, not (m, 27)"
+    try:
+        kind = kind_of(cells)
+    except ContractError as error:
+        return str(error)
     if not np.all(np.isfinite(nodes)):
         return "a node's position is not finite"
-    bad = np.flatnonzero(np.any(jacobians(nodes, cells, sample_points()) <= 0, axis=1))
+    bad = np.flatnonzero(np.any(kind.jacobians(nodes, cells, kind.sample_points()) <= 0, axis=1))
     if len(bad):
         first = f"{len(bad)} of {len(cells)} elements are inverted or collapsed (first: {bad[0]})"
         return f"{first}: a left-handed node order, or an edge of no length"
@@ -69,7 +70,7 @@ def _mesh_finding(problem: ModuleProblem) -> str | None:
 
 
 def elements_are_valid(subject: Subject) -> None:
-    """cells are 27-node hexahedra, local node i + 3j + 9k, with positive Jacobian everywhere."""
+    """cells are 27-node hexahedra, local node i + 3j + 9k, or 10-node tetrahedra, with positive Jacobian everywhere."""
     finding = _mesh_finding(_problem(subject))
     require(finding is None, str(finding))
 
@@ -99,9 +100,10 @@ def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
         require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
         return
     require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
-    skin = {int(face[FACE_CENTRE]): face for face in boundary_faces(mesh.cells)[0]}
-    for number, face in enumerate(mesh.cavity):
-        own = skin.get(int(face[FACE_CENTRE]))
+    faces = boundary_faces(mesh.cells)[0]
+    skin = dict(zip(map(tuple, face_keys(faces).tolist()), faces, strict=True))
+    for number, (face, key) in enumerate(zip(mesh.cavity, face_keys(mesh.cavity).tolist(), strict=True)):
+        own = skin.get(tuple(key))
         if own is None:
             raise Finding(f"cavity face {number} lies inside the solid or is no element's face")
         along = area_vector(mesh.nodes_m, face[None]) @ area_vector(mesh.nodes_m, own[None])
@@ -186,7 +188,16 @@ def couplings_are_possible(subject: Subject) -> None:
 
 
 def refinement_refines(subject: Subject) -> None:
-    """`refinement` multiplies the elements along each edge of the same body."""
+    """`refinement` multiplies the elements along each edge of the same body, or the family says `refines = False`."""
+    if not subject.build().refines:
+        require_refused(
+            lambda: subject.build().problem(refinement=2),
+            "a family that declares `refines = False` accepted refinement 2",
+            "refine",
+            "word 'refine'",
+            UserError,
+        )
+        return
     coarse, fine = _problem(subject), subject.build().problem(refinement=2)
     n, m = len(coarse.mesh.cells), len(fine.mesh.cells)
     require(m >= 4 * n, f"refinement 2 has {m} elements, refinement 1 has {n}: the argument is not used")

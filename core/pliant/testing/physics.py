@@ -1,6 +1,7 @@
 """Checks of a `PhysicsBackend`: conventions, honesty, the life of a simulation, equilibrium under every kind of load.
 
-Scenes with contact are in `physics_scene`, what engines may declare beside in `physics_runs`.
+Swings are in `physics_motion`, scenes with contact in `physics_scene`, what else engines may declare in
+`physics_runs`.
 """
 
 from __future__ import annotations

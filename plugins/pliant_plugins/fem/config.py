@@ -23,7 +23,8 @@ class SkfemConfig(FemConfig):
         default="cell",
         description="cell: volume ratio averaged per cell, no locking, the fast converged element; continuous: "
         "Taylor–Hood cells with a continuous pressure, an independent check at the same cost; point: plain "
-        "displacement cells, which lock at ν near ½ (only to compare with codes that use them)",
+        "displacement cells, which lock at ν near ½ (only to compare with codes that use them). Tetrahedra are "
+        "Taylor–Hood cells for cell and continuous alike",
     )
     tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
     max_iterations: int = Field(default=15, ge=2, le=200, description="Newton steps before a step is halved")

@@ -20,6 +20,7 @@ import numpy as np
 
 from pliant.records.fem import IntArray
 from pliant_calculix.model import MM, Model
+from pliant_calculix.plates import PLATE_STIFFNESS, contact_cards
 
 PER_LINE = 15  # node numbers
 TERMS_PER_LINE = 4
@@ -44,6 +45,8 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     cards += [_node(i + 1, MM * model.places_m[i]) for i in model.used]
     cards += _elements(model.element, "BODY", model.cells, 1)
     cards += _elements("C3D15", "CAP", model.wedges, 1 + len(model.cells))
+    first_plate = 1 + len(model.cells) + len(model.wedges)
+    cards += _elements("C3D8", "PLATES", model.plates.bricks, first_plate)
     for name, nodes in model.node_sets.items():
         cards += _set(name.upper(), nodes)
     cards += _set("SECTION", model.section)
@@ -56,6 +59,14 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
         cards += [f"*SOLID SECTION, ELSET=SOLID{number}, MATERIAL=RUBBER{number}"]
     if len(model.wedges):
         cards += ["*MATERIAL, NAME=THIN", *model.cap_law, "*SOLID SECTION, ELSET=CAP, MATERIAL=THIN"]
+    if model.plates.planes:
+        cards += [
+            "*MATERIAL, NAME=PLATE",
+            "*ELASTIC",
+            f"{PLATE_STIFFNESS * model.contact_stiffness:.10g}, 0.0",
+        ]
+        cards += ["*SOLID SECTION, ELSET=PLATES, MATERIAL=PLATE"]
+    cards += contact_cards(model.plates, model.problem.mesh.cells, first_plate, model.contact_stiffness)
     fixed = model.fixed
     cards += ["*BOUNDARY", *[f"{node + 1}, {c + 1}" for node, c in fixed]]
     for (node, c), weights in model.follows.items():
@@ -120,6 +131,21 @@ def path_cards(model: Model, targets: Sequence[Target], tolerance: float) -> lis
     return [*cards, "*NODE PRINT, NSET=PRINTED, TIME POINTS=ENDS", "U, RF", "*END STEP"]
 
 
+def contact_path_cards(model: Model, target: Target, tolerance: float) -> list[str]:
+    """The whole deck of one held state of a model with contact, printed at the end like those of `path_cards`."""
+    assert target.held is not None
+    cards = [
+        *model_cards(model, ["A module whose walls touch, by Pliant"]),
+        *equation_cards(model, target.held),
+    ]
+    cards += [*_set("PRINTED", model.used), "*TIME POINTS, NAME=ENDS", "1.0"]
+    cards += [f"*STEP, NLGEOM=YES, INC={INCREMENTS}", "*CONTROLS, PARAMETERS=FIELD"]
+    cards += [f"{tolerance:.6g}, {tolerance:.6g}, 0.01, 0.02, {tolerance:.6g}, 1e-5, 1e-3, 1e-20"]
+    cards += ["*STATIC", "0.1, 1.0, 1e-4, 0.25", "*BOUNDARY", *equation_motion(model, target.held)]
+    cards += ["*DSLOAD", f"CAVITY, P, {model.pa * target.pressure_pa:.12e}"]
+    return [*cards, "*NODE PRINT, NSET=PRINTED, TIME POINTS=ENDS", "U, RF", "*END STEP"]
+
+
 def _table(name: str, values: Sequence[float]) -> list[str]:
     """An amplitude that is zero at time 0 and has these values at the times 1, 2, …"""
     words = [f"{x:.12e}" for pair in enumerate([0.0, *values]) for x in pair]
@@ -139,7 +165,7 @@ def equation_cards(model: Model, held: float) -> list[str]:
         _node(reference + 1, place),
     ]
     cards += ["*BOUNDARY", f"{reference}, 2, 3", f"{reference + 1}, 2, 3"]
-    for node in [*model.section, *model.cap.behind]:
+    for node in [*model.section, *model.cap.behind, *model.plates.back("end")]:
         # what lies behind the section keeps its distance along x
         constant = normal[2] * float(MM * model.places_m[node, 2] - place[2])
         # nobody may lead who is led himself

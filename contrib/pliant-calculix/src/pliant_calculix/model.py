@@ -19,6 +19,7 @@ from pliant.records.fem import IntArray, ModuleProblem
 from pliant_calculix.cap import Cap, Weights, build_cap, no_cap
 from pliant_calculix.elements import HEX20, QUAD8, faces_of_cells
 from pliant_calculix.materials import hyperelastic
+from pliant_calculix.plates import STIFFNESS, Plates, build_plates
 
 MM = 1e3  # per m
 MPA = 1e-6  # per Pa
@@ -37,6 +38,8 @@ class Model:
         pa: 1 Pa in the deck's unit of stress.
         solids: cells, numbered from 0, and `*HYPERELASTIC` card of the body and of each region.
         cap_law: that of the cap.
+        plates: what walls meet in the mirror planes, nothing without contact.
+        contact_stiffness: stress per mm of overclosure.
     """
 
     problem: ModuleProblem
@@ -46,6 +49,8 @@ class Model:
     pa: float
     solids: tuple[tuple[IntArray, tuple[str, ...]], ...]
     cap_law: tuple[str, ...]
+    plates: Plates
+    contact_stiffness: float
 
     @cached_property
     def cells(self) -> IntArray:
@@ -65,7 +70,8 @@ class Model:
     @cached_property
     def places_m(self) -> Array:
         """(n, 3) places of all nodes, the mesh's then the caps'; some of the mesh's are in no element."""
-        return np.vstack([self.problem.mesh.nodes_m, self.cap.nodes_m, self.start_cap.nodes_m])
+        caps = [self.cap.nodes_m, self.start_cap.nodes_m]
+        return np.vstack([self.problem.mesh.nodes_m, *caps, self.plates.nodes_m])
 
     @cached_property
     def wedges(self) -> IntArray:
@@ -80,13 +86,15 @@ class Model:
     @cached_property
     def used(self) -> IntArray:
         """Ids of the nodes that belong to elements."""
-        return np.unique(np.concatenate([self.cells.ravel(), self.wedges.ravel()]))
+        return np.unique(
+            np.concatenate([self.cells.ravel(), self.wedges.ravel(), self.plates.bricks.ravel()])
+        )
 
     @cached_property
     def section(self) -> IntArray:
         """Ids of the nodes that stay in the plane of the end section."""
         end = np.intersect1d(self.problem.mesh.node_sets["end"], self.used)
-        return np.concatenate([end, self.cap.front])
+        return np.concatenate([end, self.cap.front, self.plates.face("end")])
 
     @cached_property
     def node_sets(self) -> dict[str, IntArray]:
@@ -106,12 +114,15 @@ class Model:
             for node in self.node_sets[name]
         }
         held |= {place for place, weights in self.follows.items() if not weights}
+        held |= {(int(node), c) for node in self.plates.bricks.ravel() for c in (1, 2)}
+        still = (*self.plates.face("start"), *self.plates.back("start"))
+        held |= {(int(node), 0) for node in still}
         return sorted(held)
 
     @cached_property
     def planes(self) -> dict[float, IntArray]:
         """Nodes that stay in planes parallel to the end section, by their distance behind it in m."""
-        behind = np.array(sorted(self.cap.behind), np.int64)
+        behind = np.array([*sorted(self.cap.behind), *self.plates.back("end")], np.int64)
         depth = np.round(self.places_m[behind, 0] - self.problem.span_m, 12)
         return {0.0: self.section, **{float(d): behind[depth == d] for d in np.unique(depth)}}
 
@@ -138,8 +149,12 @@ def build_model(
     cap_stiffness: float,
     pa: float,
     closed_start: bool = False,
+    contact: bool = False,
 ) -> Model:
-    """The model of a module. Raises `UserError` for what this backend does not solve."""
+    """The model of a module, its walls held by the mirror planes where there is `contact`.
+
+    Raises `UserError` for what this backend does not solve.
+    """
     _check(problem)
     nodes = problem.mesh.nodes_m
     cap = build_cap(problem, nodes)
@@ -149,7 +164,9 @@ def build_model(
     bulk = 2 * shear * (1 + CAP_POISSON) / (3 * (1 - 2 * CAP_POISSON))
     cap_law = ("*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.10g}, {2 / bulk:.10g}")
     solids = tuple((cells, tuple(hyperelastic(own, pa))) for cells, own in solids_of(problem.mesh, material))
-    return Model(problem, cap, start_cap, element, pa, solids, cap_law)
+    plates = build_plates(problem, len(nodes) + len(start_cap.nodes_m), contact)
+    stiffness = STIFFNESS * material.shear_modulus_pa * pa
+    return Model(problem, cap, start_cap, element, pa, solids, cap_law, plates, stiffness)
 
 
 def _check(problem: ModuleProblem) -> None:

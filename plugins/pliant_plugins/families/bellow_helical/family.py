@@ -25,6 +25,7 @@ from pliant_plugins.families.bellow.profile import BellowProfile, mm
 from pliant_plugins.families.bellow.revolved import RevolvedCounts, ring, sector
 
 OFFSET = 0.825  # of r
+WIDTH = 0.65  # of the rod's chord
 ALL = ("x", "y", "z")
 # Share of its length that the outermost fibre keeps: with less, stiffness rises a hundredfold within 0.05 rad.
 CLOSED = 0.15
@@ -36,9 +37,8 @@ class BellowHelicalConfig(MidSurfaceConfig):
     """A bellow of mid-surface radii r (trough) and 2R − r (crest), wall ± t/2, with a constraint along one side.
 
     The constraint's shape is not published. Its distance from the tube's axis and its stiffness are fitted to the
-    published bending data of one design, on its free curve and its moments at 15 kPa. Its width decides bending about
-    z and is not identified by them. See `benchmarks/families/helical.py`. Which values make a valid design is the
-    family's own check.
+    published bending data of one design, on its free curve and its moments at 15 kPa, its width to the bending about
+    z at 15 kPa. See `benchmarks/families/helical.py`. Which values make a valid design is the family's own check.
     """
 
     kind: Literal["bellow_helical"] = "bellow_helical"
@@ -48,7 +48,7 @@ class BellowHelicalConfig(MidSurfaceConfig):
     )
     constraint_width_m: Length | None = Field(
         default=None,
-        description="width of the constraint along y, which stiffens bending about z; unless given, that of the "
+        description=f"width of the constraint along y, which stiffens bending about z; unless given, {WIDTH} of the "
         "study's rod (diameter R − t, touching the line at r) at the constraint's height",
     )
     constraint_stiffness_n: Force = Field(
@@ -96,10 +96,10 @@ class BellowHelical(MidSurfaceBellow):
 
     @property
     def constraint_width_m(self) -> float:
-        """Width of the constraint along y: as given, or that of the study's rod at its height (0 outside the rod)."""
+        """Width of the constraint along y: as given, or a share of the rod at its height (0 outside the rod)."""
         if self.config.constraint_width_m is not None:
             return self.config.constraint_width_m
-        return rod_chord(self.geometry, self.offset_m)
+        return WIDTH * rod_chord(self.geometry, self.offset_m)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """For y alone half a module, half its width; otherwise the whole module from trough to trough.

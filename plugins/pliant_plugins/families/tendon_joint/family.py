@@ -15,10 +15,11 @@ import numpy as np
 from pydantic import Field
 
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.cells import SQUARE
 from pliant.meshing.grids import block, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.meshing.masses import UNIFORM, half_masses, meshed_mass, mirrored
-from pliant.meshing.surfaces import FACE, half_skins
+from pliant.meshing.surfaces import half_skins
 from pliant.meshing.surfaces import mirrored as mirrored_surface
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
@@ -173,7 +174,7 @@ def link_mesh(geometry: JointGeometry) -> ModuleMesh:
 
 def link_surface(mesh: ModuleMesh) -> TriangleMesh:
     """The end link's skin as triangles."""
-    return TriangleMesh(mesh.nodes_m, mesh.skin[:, FACE].reshape(-1, 3))
+    return TriangleMesh(mesh.nodes_m, mesh.skin[:, SQUARE].reshape(-1, 3))
 
 
 def half_shapes(geometry: JointGeometry) -> HalfShapes:

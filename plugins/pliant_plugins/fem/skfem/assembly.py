@@ -61,7 +61,7 @@ class Assembler:
         self.size = v + 2 * count
         self.displacements, self.volumes = slice(0, v), slice(v, v + count)
         self.pressures = slice(v + count, self.size)
-        cellwise = count if dilatation == "cell" else 0
+        cellwise = count if pressure is not None and pressure.vertices is None else 0
         self.contact = (
             PlaneContact.of(problem, material.shear_modulus_pa, self.volume_m3) if contact else None
         )
@@ -83,7 +83,7 @@ class Assembler:
     def _operators(self) -> tuple[Rows, Rows]:
         """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z, then volume and pressure."""
         cells, faces = self.cells, self.faces
-        value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, 27))
+        value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, cells.value.shape[1]))
         both = np.concatenate([cells.gradient, value], axis=2)
         y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
         solid: Rows = (cells.gradient, y, z)
@@ -136,7 +136,7 @@ class Assembler:
     def _motion(self, x: Array) -> RodMotion:
         local = self.positions(x)[self.cells.nodes]
         m, q = self.cells.weight.shape
-        S = self.cells.gradient.reshape(m, 3 * q, 27) @ local
+        S = self.cells.gradient.reshape(m, 3 * q, -1) @ local
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
         k, strain = self.globals.curvature(x)
         return motion(self.variables, S, self._lateral(local, self.cells.value), k, strain)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from skfem import ElementHex1, ElementHex2
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
@@ -17,6 +16,7 @@ from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
 from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
+from pliant_plugins.fem.skfem.basis import element_of
 from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
 from pliant_plugins.fem.skfem.pattern import Terms
@@ -87,18 +87,13 @@ def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFiel
 def at_nodes(assembler: Assembler, values: Array) -> Array:
     """(n,) at nodes from (m, q) at quadrature points."""
     cells, count = assembler.cells, len(assembler.problem.mesh.nodes_m)
-    at_nodes = ElementHex2().doflocs
+    of = element_of(assembler.problem.mesh.cells)
+    at_nodes = of.solid.doflocs
     at_points = cells.value @ at_nodes
-    local = values @ (_trilinear(at_nodes) @ np.linalg.pinv(_trilinear(at_points))).T
+    local = values @ (of.linear(at_nodes) @ np.linalg.pinv(of.linear(at_points))).T
     nodes = cells.nodes.ravel()
     totals = np.bincount(nodes, local.ravel(), count)
     return totals / np.bincount(nodes, minlength=count)
-
-
-def _trilinear(points: Array) -> Array:
-    """(n, 8) functions at reference points (n, 3)."""
-    element = ElementHex1()
-    return np.stack([element.lbasis(points.T, i)[0] for i in range(8)], axis=-1)
 
 
 class SkfemSolver(RodSolver):
@@ -151,7 +146,7 @@ class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-    knows = frozenset({"regions", "ribbons", "tendon", "links", "ties", "contact"})
+    knows = frozenset({"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame, actuation or requirement than this backend knows."""

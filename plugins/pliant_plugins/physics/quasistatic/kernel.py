@@ -6,8 +6,8 @@ At each step Newton's method solves, joint by joint i,
 
 with τ' the effort with law terms (`LawTerm`), M the end moment, a_i and o_i axis and origin of joint i, x_k and
 F_k the points beyond it and the forces on them. Derivatives follow by the implicit function theorem: with a
-small change δ of inputs, parameters and past, K dq = R(q; δ) − R(q), K = −∂R/∂q, and memories change by what
-the step makes of the changed past at q + dq.
+small change δ of inputs, parameters and past, K dq = R(q; δ) − R(q) + ∂R/∂past δ, the first difference with the
+past as it was, K = −∂R/∂q, and memories change by what the step makes of the changed past at q + dq.
 
 Everything is plain loops over small arrays that are lent from function to function: counting references to them would
 cost more than the arithmetic.
@@ -25,6 +25,7 @@ from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
 from pliant_plugins.physics.compiled.terms import combine, net_input
 from pliant_plugins.physics.quasistatic import hinge
 from pliant_plugins.physics.quasistatic.hinge import (
+    by_the_past,
     effort,
     is_positive,
     pose,
@@ -209,7 +210,7 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     model, gravity, p, f, opposed, hung, t = then
     before, old, new, states = memory
     before_v, old_v = past
-    axes, origins, points, _, plain_load, residual, _, _ = frame
+    axes, origins, points, _, plain_load, residual, parts, _ = frame
     stiffness, work = square
     load, right = lines
     moved, scratch, turned = spare
@@ -217,11 +218,15 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     copy(plain_load, load)
     if hung != now[4] or not _same(f, now[2]) or not _same(gravity, chain[3]):
         weigh(axes, origins, points, masses, hung, gravity, f, load, turned)
+    same, _, _, _ = chain
     for i in range(len(q)):
-        for s in range(states):
-            moved[s] = old[i * states + s] + old_v[i * states + s]
-        tau, _ = effort(model, i, laws[i], q[i], before[i] + before_v[i], dt, p, t, moved, 0, scratch, 0)
+        at = i * states
+        tau, _ = effort(model, i, laws[i], q[i], before[i], dt, p, t, old, at, scratch, 0)
         right[i] = tau - opposed + load[i] - residual[i]
+        if len(same[0][0]):
+            part = (parts[i, 0], parts[i, 1], parts[i, 2], parts[i, 3])
+            was, change = (old, at, states, moved), (before_v[i], old_v)
+            right[i] += by_the_past(same, i, q[i], before[i], dt, now[1], now[5], was, change, scratch, part)
     if positive:
         substitute(work, right)
     else:

@@ -1,0 +1,239 @@
+"""Tetrahedra from a file against structured hexahedra of the same body: python -m benchmarks.fem_mesh_file
+
+(a) the bending bellow: its skin, as two curved triangles to each face, filled with tetrahedra by Netgen, written as a
+    .msh file with named surfaces and read by `mesh_file`: torque held straight at 15 kPa, free angle at 15 kPa and the
+    slope at rest, as ratios to hexahedra of refinement 2
+(b) seconds of a whole design: all states that `fem: {kind: skfem, pressure_max: 15 kPa}` asks for
+(c) the same bellow as a CAD solid (arcs, a plate, fused), meshed with another size: what the structured mesh leaves out
+
+Needs ngsolve, for Netgen. Prints the figures and writes them to benchmarks/out/fem_mesh_file.json.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.families.published_y import solver_of
+from benchmarks.output import parser_of, write
+
+from pliant.interfaces.family import ActuatorFamily
+from pliant.meshing.tetrahedra import EDGES, raised
+from pliant.pipeline.dataset import fem_stage
+from pliant.pipeline.workbench import Workbench
+from pliant.records.fem import IntArray, ModuleMesh
+from pliant.registry.discovery import discover
+from pliant.report.vtu import require_meshio
+from pliant.store.store import ArtifactStore
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
+from pliant_plugins.families.mesh_file.netgen import write_mesh
+from pliant_plugins.fem.config import SkfemConfig
+from pliant_plugins.materials.neo_hookean import NeoHookeanConfig
+from pliant_plugins.native import torch_first
+
+MU = 240e3
+PRESSURES_PA = (5e3, 10e3, 15e3)
+LENGTHS_M = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
+FILE = {"part": "half", "symmetry": "symmetry"}
+BAR = 0.005  # of torque and free angle
+SECONDS = 60.0  # of a design
+# A face's 9 nodes as two quadratic triangles that share its diagonal.
+HALVES = np.array([[0, 2, 8, 1, 5, 4], [0, 8, 6, 4, 7, 3]])
+
+
+def bellow() -> BellowBending:
+    """The reference design."""
+    return BellowBending(BellowBendingConfig.model_validate(LENGTHS_M))
+
+
+def solved(family: ActuatorFamily, refinement: int = 1) -> dict[str, float]:
+    """Free angle, torque held straight, slope at rest, size, and seconds of processor time a state."""
+    problem = family.problem(refinement)
+    begun = time.process_time()
+    model = solver_of(problem, MU, pressure_max_pa=PRESSURES_PA[-1])
+    states = [model.rest()]
+    for pressure in PRESSURES_PA:
+        states.append(model.free(pressure, states[-1]))
+    straight = model.constrained(PRESSURES_PA[-1], 0.0, states[-1])
+    return {
+        "cells": len(problem.mesh.cells),
+        "unknowns": model.assembler.pattern.size,
+        "free_angle_rad": states[-1].angle_rad,
+        "torque_n_m": straight.moment_n_m,
+        "slope_n_m": states[0].dmoment_du,
+        "processor_s_per_state": (time.process_time() - begun) / 5,
+    }
+
+
+def filled(mesh: ModuleMesh, path: Path) -> Path:
+    """The body within a mesh's skin as 10-node tetrahedra in a file in metres; outer faces keep their curves."""
+    triangles = mesh.skin[:, HALVES].reshape(-1, 6)
+    used, corners = np.unique(triangles[:, :3], return_inverse=True)
+    points, cells = _volume(1e3 * mesh.nodes_m[used], corners.reshape(-1, 3).astype(np.int64))
+    nodes, tetrahedra = raised(points * 1e-3, cells)
+    middles = {}
+    for face in triangles.tolist():
+        for (a, b), middle in zip(((0, 1), (1, 2), (0, 2)), face[3:], strict=True):
+            middles[frozenset((face[a], face[b]))] = middle
+    for cell in tetrahedra:
+        for (a, b), own in zip(cell[EDGES].tolist(), cell[4:].tolist(), strict=True):
+            if max(a, b) < len(used):
+                curved = middles.get(frozenset((int(used[a]), int(used[b]))))
+                nodes[own] = nodes[own] if curved is None else mesh.nodes_m[curved]
+    return _written(nodes, tetrahedra, mesh, path)
+
+
+def _volume(points: np.ndarray, triangles: IntArray) -> tuple[np.ndarray, IntArray]:
+    """Netgen's tetrahedra within a closed surface: points, those given first, and right-handed cells (m, 4)."""
+    torch_first()
+    import netgen.meshing as ng
+
+    mesh = ng.Mesh(dim=3)
+    mesh.SetMaterial(1, "solid")
+    ids = [mesh.Add(ng.MeshPoint(ng.Pnt(*point))) for point in points.tolist()]
+    face = mesh.Add(ng.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
+    for triangle in triangles.tolist():
+        mesh.Add(ng.Element2D(face, [ids[node] for node in triangle]))
+    mesh.GenerateVolumeMesh()
+    found = np.array([point.p for point in mesh.Points()], float)
+    cells = np.array([[node.nr - 1 for node in cell.points] for cell in mesh.Elements3D()], np.int64)
+    edges = found[cells[:, 1:]] - found[cells[:, :1]]
+    wrong = np.linalg.det(edges) < 0
+    cells[wrong] = cells[wrong][:, [1, 0, 2, 3]]
+    return found, cells
+
+
+def _written(nodes: np.ndarray, cells: IntArray, mesh: ModuleMesh, path: Path) -> Path:
+    """With the surfaces of the mesh that was filled, as node sets of its planes and of its cavity."""
+    meshio = require_meshio()
+    span, near = float(mesh.nodes_m[:, 0].max()), 1e-9
+    wetted = {tuple(np.round(p, 12)) for p in mesh.nodes_m[np.unique(mesh.cavity)].tolist()}
+    sets = {
+        "base": np.abs(nodes[:, 0]) < near,
+        "tip": np.abs(nodes[:, 0] - span) < near,
+        "symmetry": np.abs(nodes[:, 1]) < near,
+        "cavity": np.array([tuple(np.round(p, 12)) in wetted for p in nodes.tolist()]),
+    }
+    data = {name: chosen.astype(int) for name, chosen in sets.items()}
+    meshio.write(path, meshio.Mesh(nodes, [("tetra10", cells)], point_data=data))
+    return path
+
+
+def cad_solid() -> Any:
+    """Half the module, y ≥ 0, as an OCC solid with named faces, in mm: the wall revolved, the plate fused to it."""
+    torch_first()
+    from netgen.occ import ArcOfCircle, Axis, Box, Face, Pnt, Segment, Wire, X
+
+    g = bellow().geometry
+    r, t, a, top, half = (
+        1e3 * v for v in (g.inner_radius_m, g.wall_m, g.arc_radius_m, g.crest_radius_m, g.half_length_m)
+    )
+    height, width = top + t, 1e3 * g.average_radius_m
+
+    def point(x: float, radius: float) -> Any:
+        return Pnt(x, 0, height - radius)
+
+    def profile(d: float) -> list[Any]:
+        s, b = np.sqrt(0.5), a - d
+        crest = [point(0, top + d), point((a + d) * s, top - a + (a + d) * s), point(a + d, top - a)]
+        trough = [point(a + d, r + a), point(half - b * s, r + a - b * s), point(half, r + a - b)]
+        return [*crest, *trough]
+
+    def line(q: list[Any]) -> list[Any]:
+        straight = [Segment(q[2], q[3])] if g.flank_m else []
+        return [ArcOfCircle(*q[:3]), *straight, ArcOfCircle(*q[3:])]
+
+    inner, outer = profile(0.0), profile(t)
+    edges = [*line(inner), Segment(inner[5], outer[5]), *line(outer[::-1]), Segment(outer[0], inner[0])]
+    solid = Face(Wire(edges)).Revolve(Axis(Pnt(0, 0, height), X), 180) + Box(
+        Pnt(0, 0, -t), Pnt(half, width, t)
+    )
+    for face in solid.faces:
+        p = np.array([list(v.p) for v in face.vertices])
+        rho = np.hypot(p[:, 1], p[:, 2] - height)
+        off = np.where(
+            rho >= top - a,
+            np.hypot(p[:, 0], rho - (top - a)) - a,
+            np.where(rho >= r + a, p[:, 0] - a, a - np.hypot(p[:, 0] - half, rho - (r + a))),
+        )
+        planes = {
+            "base": p[:, 0],
+            "tip": p[:, 0] - half,
+            "symmetry": np.append(p[:, 1], face.center.y),
+            "cavity": off,
+        }
+        face.name = next((name for name, away in planes.items() if np.abs(away).max() < 1e-6), "outside")
+    return solid
+
+
+def design_seconds(path: Path, folder: Path) -> dict[str, float]:
+    """Processor and wall time of the FEM stage of one design."""
+    bench = Workbench(discover(), ArtifactStore(folder / "store"))
+    family = MeshFileConfig.model_validate({"file": path, **FILE})
+    wall, processor = time.perf_counter(), time.process_time()
+    made = fem_stage(bench, family, NeoHookeanConfig(shear_modulus_pa=MU), SkfemConfig(pressure_max_pa=15e3))
+    return {
+        "processor_s": time.process_time() - processor,
+        "wall_s": time.perf_counter() - wall,
+        "states": len(made.value),
+        "failed": len(made.value.failed),
+    }
+
+
+def row(name: str, found: dict[str, float], base: dict[str, float]) -> dict[str, Any]:
+    """Print one mesh; its figures and ratios to `base`."""
+    ratios = {key: found[key] / base[key] for key in ("torque_n_m", "free_angle_rad", "slope_n_m")}
+    print(
+        f"    {name:34s} {found['cells']:6.0f} {found['unknowns']:9.0f}  "
+        + "  ".join(f"{value:8.5f}" for value in ratios.values())
+        + f"  {found['processor_s_per_state']:7.2f}"
+    )
+    return {"mesh": name, **found, "ratios": ratios}
+
+
+def main() -> None:
+    parser = parser_of(__doc__)
+    parser.add_argument("--cad", type=float, nargs="*", default=[2.0, 1.0], help="(c): largest edges in mm")
+    options = parser.parse_args()
+    family = bellow()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        print(
+            "(a) mesh                                cells  unknowns   torque     free     slope    s/state"
+        )
+        base = solved(family, 2)
+        rows = [
+            row("hexahedra, refinement 2", base, base),
+            row("hexahedra, refinement 1", solved(family), base),
+        ]
+        paths = {n: filled(family.problem(n).mesh, folder / f"filled_{n}.vtu") for n in (1, 2)}
+        for n, path in paths.items():
+            rows.append(
+                row(
+                    f"tetrahedra in the skin of {n}",
+                    solved(MeshFile(MeshFileConfig.model_validate({"file": path, **FILE}))),
+                    base,
+                )
+            )
+        print("(b) a design of tetrahedra")
+        design = design_seconds(paths[1], folder)
+        print(
+            f"    {design['states']:.0f} states, {design['failed']:.0f} not reached: {design['wall_s']:.1f} s by the "
+            f"clock, {design['processor_s']:.1f} s of processor time, at most {SECONDS:.0f}"
+        )
+        print("(c) the CAD solid (ratios to the same hexahedra)")
+        for size in options.cad:
+            path = write_mesh(cad_solid(), folder / f"cad_{size:g}.msh", size)
+            config = MeshFileConfig.model_validate({"file": path, "unit": "mm", **FILE})
+            rows.append(row(f"CAD solid, edges up to {size:g} mm", solved(MeshFile(config)), base))
+    worst = max(abs(r["ratios"][key] - 1) for r in rows[2:4] for key in ("torque_n_m", "free_angle_rad"))
+    print(f"    tetrahedra against hexahedra of the same body: {worst:.2%}, at most {BAR:.1%}")
+    write("fem_mesh_file", {"meshes": rows, "design": design, "worst": worst})
+
+
+if __name__ == "__main__":
+    main()

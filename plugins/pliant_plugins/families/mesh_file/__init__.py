@@ -1,0 +1,1 @@
+"""A module whose volume mesh comes from a file: CAD, another mesher, another code."""

@@ -1,0 +1,198 @@
+"""A file's mesh as the piece that is solved: quadratic cells in the module frame, with its cavity and node sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import InvalidDesignError, closest
+from pliant.meshing.cells import boundary_faces, kind_of_faces
+from pliant.meshing.raising import as_quadratic, mirrored_y
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleMesh
+from pliant_plugins.families.mesh_file.placing import (
+    FLAT,
+    UNITS,
+    ends_of,
+    mirror_side,
+    require_unit,
+    require_whole_section,
+    rotation,
+)
+from pliant_plugins.families.mesh_file.quality import require_sound
+from pliant_plugins.families.mesh_file.reading import VolumeFile, read_volume
+from pliant_plugins.families.mesh_file.surfaces import Skin, named_faces, require_disjoint, require_watertight
+
+PLANES = ("start", "end", "symmetry")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is made of a file: its unit, its axes, its surfaces' names, the reference line's place (m) in its frame."""
+
+    unit: str
+    along: str
+    up: str
+    base: str
+    tip: str
+    cavity: str
+    symmetry: str | None
+    regions: tuple[str, ...]
+    line_height_m: float
+    line_across_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilePiece:
+    """The piece that is solved.
+
+    Attributes:
+        mesh: in the module frame, x from 0 to span, the reference line at y = z = 0. Node sets: `start`, `end`, `pin`
+            (the start section's node nearest to the line), `symmetry` (y = 0) where the piece is half the width, else
+            `level` (the start section's node farthest above or below the pin).
+        span_m: its length.
+        symmetric: whether the piece is half the width.
+        remarks: sentences for the user.
+    """
+
+    mesh: ModuleMesh
+    span_m: float
+    symmetric: bool
+    remarks: tuple[str, ...]
+
+
+def piece_of_file(path: Path, wanted: Wanted) -> FilePiece:
+    """Read, check and place a file. Raises `UserError` and `InvalidDesignError`, a sentence each."""
+    state = path.stat() if path.is_file() else None
+    return _piece(path, wanted, (state.st_mtime_ns, state.st_size) if state else None)
+
+
+@lru_cache(maxsize=8)
+def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePiece:
+    """A chain's stages ask for one design's mesh several times; a file that changed is another."""
+    file = read_volume(path)
+    turn = rotation(wanted.along, wanted.up)
+    nodes, file, cells = _quadratic(file, UNITS[wanted.unit] * file.nodes @ turn.T)
+    require_unit(nodes, wanted.unit, file.name)
+    poor = require_sound(nodes, cells, file.name)
+    skin = Skin.of(nodes, cells)
+    roles = {"base": wanted.base, "tip": wanted.tip, "cavity": wanted.cavity}
+    if wanted.symmetry is not None:
+        roles["symmetry"] = wanted.symmetry
+    chosen = {name: named_faces(file, skin, name, role) for role, name in roles.items()}
+    require_disjoint(chosen, file)
+    nodes, span, lower = _placed(nodes, skin, chosen, wanted)
+    sets = _node_sets(nodes, span, wanted.symmetry is not None)
+    planes = [np.isin(np.arange(len(nodes)), sets[name]) for name in PLANES if name in sets]
+    require_watertight(nodes, skin, chosen[wanted.cavity], planes, wanted.cavity)
+    wetted = np.sort(skin.corners[chosen[wanted.cavity]], axis=1)
+    if lower:
+        nodes, cells = mirrored_y(nodes, cells)
+    mesh = replace(_mesh(nodes, cells, wetted, sets), regions=_regions(file, wanted.regions))
+    _require_hollow(mesh, wanted.cavity)
+    return FilePiece(
+        mesh, span, wanted.symmetry is not None, _remarks(file, len(cells), poor, wanted.regions)
+    )
+
+
+def _quadratic(file: VolumeFile, nodes: Array) -> tuple[Array, VolumeFile, IntArray]:
+    """Nodes that solid cells use, the file's sets renumbered to them, and quadratic cells."""
+    used = np.unique(file.cells)
+    number = np.full(len(nodes), -1, np.int64)
+    number[used] = np.arange(len(used))
+    faces = {name: number[ids] for name, ids in file.faces.items()}
+    sets = {name: number[ids][number[ids] >= 0] for name, ids in file.node_sets.items()}
+    own = VolumeFile(file.name, file.nodes[used], file.kind, number[file.cells], faces, sets, file.volumes)
+    all_nodes, cells = as_quadratic(nodes[used], file.kind, own.cells)
+    return all_nodes, own, cells
+
+
+def _placed(
+    nodes: Array, skin: Skin, chosen: dict[str, NDArray[np.bool_]], wanted: Wanted
+) -> tuple[Array, float, bool]:
+    """Nodes in the module frame, exactly on its planes; the span; whether the solid lies at y ≤ 0."""
+    base, tip = (skin.faces[chosen[name]] for name in (wanted.base, wanted.tip))
+    ends = ends_of(nodes, base, tip, (wanted.base, wanted.tip))
+    near = FLAT * ends.span_m
+    for place, name in ((ends.base_m, wanted.base), (ends.tip_m, wanted.tip)):
+        require_whole_section(nodes, skin.faces, chosen[name], place, 0, near, name)
+    across, lower = wanted.line_across_m, False
+    if wanted.symmetry is not None:
+        faces = skin.faces[chosen[wanted.symmetry]]
+        across, lower = mirror_side(nodes, faces, ends.span_m, wanted.symmetry)
+        require_whole_section(nodes, skin.faces, chosen[wanted.symmetry], across, 1, near, wanted.symmetry)
+    moved = nodes - np.array([ends.base_m, across, wanted.line_height_m])
+    for axis, place in ((0, 0.0), (0, ends.span_m), *(((1, 0.0),) if wanted.symmetry is not None else ())):
+        moved[np.abs(moved[:, axis] - place) <= near, axis] = place
+    return moved, ends.span_m, lower
+
+
+def _node_sets(nodes: Array, span: float, symmetric: bool) -> dict[str, IntArray]:
+    x, y, z = nodes.T
+    start = np.flatnonzero(x == 0.0)
+    candidates = start[y[start] == 0.0] if symmetric else start
+    candidates = candidates if len(candidates) else start
+    pin = candidates[np.argmin(np.hypot(y[candidates], z[candidates]))]
+    sets = {"start": start, "end": np.flatnonzero(x == span), "pin": np.array([pin])}
+    if symmetric:
+        return {**sets, "symmetry": np.flatnonzero(y == 0.0)}
+    return {**sets, "level": start[[np.argmax(np.abs(z[start] - z[pin]))]]}
+
+
+def _mesh(nodes: Array, cells: IntArray, wetted: IntArray, sets: dict[str, IntArray]) -> ModuleMesh:
+    """`wetted`: (f, corners) of the cavity's faces, ascending."""
+    skin = Skin.of(nodes, cells)
+    both = np.unique(np.concatenate([wetted, skin.corners]), axis=0, return_inverse=True)[1].reshape(-1)
+    cavity = skin.faces[np.isin(both[len(wetted) :], both[: len(wetted)])]
+    return ModuleMesh(nodes, cells, cavity, boundary_faces(cells)[0], sets)
+
+
+def _require_hollow(mesh: ModuleMesh, name: str) -> None:
+    """Raise `InvalidDesignError` where the cavity's faces enclose the solid instead of a hollow."""
+    points, normals = kind_of_faces(mesh.cavity).face_quadrature(mesh.nodes_m, mesh.cavity)
+    if -float(np.sum(points[..., 1] * normals[..., 1])) <= 0:
+        raise InvalidDesignError(
+            f"surface '{name}' encloses no hollow: the solid lies on its inner side; name the chamber's wall, not the "
+            "skin."
+        )
+
+
+def _regions(file: VolumeFile, names: tuple[str, ...]) -> dict[str, IntArray]:
+    """Cells of the named volumes. Raises `InvalidDesignError` for one that the file lacks, or two that share cells."""
+    taken = np.zeros(len(file.cells), int)
+    for name in names:
+        if name not in file.volumes:
+            known = ", ".join(sorted(file.volumes)) or "none"
+            raise InvalidDesignError(
+                f"mesh file '{file.name}' has no volume '{name}', which family.regions names"
+                f"{closest(name, file.volumes)} Its volumes: {known}."
+            )
+        taken[file.volumes[name]] += 1
+    if np.any(taken > 1):
+        raise InvalidDesignError(
+            f"family.regions of '{file.name}': {int((taken > 1).sum())} cells belong to two regions; a cell is of one "
+            "material."
+        )
+    return {name: file.volumes[name] for name in names}
+
+
+def _remarks(file: VolumeFile, count: int, poor: str | None, regions: tuple[str, ...]) -> tuple[str, ...]:
+    parts = [name for name, own in file.volumes.items() if len(own) < len(file.cells) and "=" not in name]
+    one = None
+    if parts and not regions:
+        one = (
+            f"'{file.name}' names the volumes {', '.join(sorted(parts))}, all taken as one material; 'regions' of "
+            "the family gives some of them their own."
+        )
+    names = {"tetra": "tetrahedra", "hexahedron": "hexahedra"}
+    raised = None
+    if file.kind in names:
+        raised = (
+            f"the {count} {names[file.kind]} of '{file.name}' are of first order; they are raised to second order, "
+            "their edges staying straight."
+        )
+    return tuple(remark for remark in (raised, poor, one) if remark)
