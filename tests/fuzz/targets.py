@@ -22,6 +22,7 @@ from pliant.registry.component import Component
 from pliant.registry.discovery import Registry, discover
 from pliant.report.folder import read_folder
 from pliant.search.expressions import COMPARISONS, Symbol, parse
+from pliant.store.archive import import_archive
 from pliant.store.store import CorruptedError, digests, load_artifact, read_checked
 from pliant.tabular.fem_reading import read_table
 
@@ -138,15 +139,12 @@ def _manifest(data: bytes, folder: Path) -> None:
 
 
 def _archive(data: bytes, folder: Path) -> None:
-    from pliant.store.archive import import_archive
-
-    from pliant.store.store import ArtifactStore
 
     (folder / "study.zip").write_bytes(data)
     inside = folder / "inside"
     inside.mkdir()
     try:
-        import_archive(folder / "study.zip", ArtifactStore(inside / "store"), inside / "out")
+        import_archive(folder / "study.zip", inside / "store", inside / "out")
     finally:
         assert {path.name for path in folder.iterdir()} <= {"study.zip", "inside"}
         assert {path.name for path in inside.iterdir()} <= {"store", "out"}
@@ -171,8 +169,8 @@ EXPRESSIONS = (
     b"max(n1, 2) - 0.01 * abs(task.pressure - 12 kPa) / 1 kPa", b"sqrt(n1) ** -2 + sum(n1, sin(n1), log(n1))",
 )  # fmt: skip
 OVERRIDES = (b"chain.modules=8", b"physics={kind: mujoco}", b"cross_check.0=[a, b]", b"name=a")
-NOTES = (b"units: {angle_rad: deg}\nexclude: [{run: a, from: 1 s, to: 2 s}]\n", b"columns: {a: b}\n")
-FEM_TABLES = ("examples/clamped_chain/*.csv", "tests/data/*.csv", "examples/elsewhere/*.csv")
+NOTES = (b"units: {angle_rad: deg}\nexclude: [{run: a, start: 1 s, end: 2 s}]\n", b"rename: {a: b}\n")
+FEM_TABLES = ("tests/data/*.csv", "examples/data/*.csv", "examples/clamped_chain/module.csv")
 MANIFEST = json.dumps(
     [{"interface": "effect", "kind": "leak", "config": "a.b:C", "implementation": "a.b:D", "summary": "s",
       "example": {"x": 1}, "requires": ["numpy"], "lazy": ["scipy.io"], "install": "pip install x"}]
@@ -198,6 +196,7 @@ def targets() -> list[Target]:
         Target("value", (parts[1],), _resealed),
         Target("run folder", _chosen(*run), _run_folder),
         Target("manifest", (MANIFEST,), _manifest),
+        Target("archive", (_sound_archive(),), _archive),
     ]  # fmt: skip
 
 

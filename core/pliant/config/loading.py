@@ -21,7 +21,7 @@ from pliant.config.problems import at_place, sentences
 from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.config.study_keys import study_key
-from pliant.config.yaml_file import KeyPath, Plain, bounded_yaml, neighbours, read_yaml
+from pliant.config.yaml_file import DEEPEST, KeyPath, Plain, bounded_yaml, neighbours, read_yaml
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
@@ -269,6 +269,8 @@ def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, An
     parts = key.strip().split(".")
     if not equals or not all(parts):
         raise UserError(f"'{text}' is not an override; write key=value, for example physics.kind=mujoco.")
+    if len(parts) > DEEPEST:
+        raise UserError(f"override '{text}': its key has {len(parts)} parts; {DEEPEST} are the most.")
     try:
         value = Plain(Path("override")).values(bounded_yaml(Path("override")).load(written))
     except (YAMLError, ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError):

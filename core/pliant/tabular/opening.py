@@ -25,6 +25,7 @@ OPENERS = {
     b"MATLAB 5.0": sources.open_matlab,
     b"PAR1": sources.open_parquet,
 }
+MOST_COLUMNS, LONGEST_NAME = 2000, 300
 FRAME = "DataFrame"  # what messages call a table in memory
 
 
@@ -56,8 +57,8 @@ def open_sheet(
                 raise UserError(f"{path}: {what}.")
         for mark, opened in OPENERS.items():
             if start.startswith(mark):
-                return opened(path, example, marks, notes.table, notes_name)
-        return open_text(path, example, marks, notes_name)
+                return _checked(opened(path, example, marks, notes.table, notes_name))
+        return _checked(open_text(path, example, marks, notes_name))
     except (OSError, ValueError) as error:
         cause = (
             "no such file"
@@ -65,6 +66,21 @@ def open_sheet(
             else getattr(error, "strerror", None) or error
         )
         raise UserError(f"{path}: the table cannot be read ({cause}).") from None
+
+
+def _checked(sheet: Sheet) -> Sheet:
+    """The sheet; raises `UserError` for a header that no table has: its names are read word by word."""
+    longest = max(map(len, sheet.header), default=0)
+    if len(sheet.header) > MOST_COLUMNS or longest > LONGEST_NAME:
+        sheet.close()
+        what = (
+            f"{len(sheet.header)} columns" if longest <= LONGEST_NAME else f"a name of {longest} characters"
+        )
+        raise UserError(
+            f"{sheet.path}, line {sheet.header_line}: the header has {what}; at most {MOST_COLUMNS} columns with "
+            f"names of {LONGEST_NAME} characters are read."
+        )
+    return sheet
 
 
 def is_frame(source: object) -> bool:

@@ -41,7 +41,6 @@ from pliant.tabular.sheet import Sheet
 BLOCK = 1 << 22  # characters read at a time
 COMMENTS = ("#", "%", "**")
 SEPARATORS = (";", "\t", ",", " ")
-MOST_COLUMNS = 2000
 QUOTED_LINES = 20  # that a quoted cell may have
 # Bytes that are no UTF-8 are read as Latin-1, one by one, so that a large file is read once.
 codecs.register_error("latin-1", lambda e: (e.object[e.start : e.end].decode("latin-1"), e.end))  # type: ignore
@@ -190,9 +189,6 @@ def _with_header(path: Path, file: IO[str], example: str, marks: Marks, problems
     separator, found = _found(lines, shown, marks)
     if found is None:
         separator, found = _first_line(path, lines, shown[0], example, marks)
-    if len(found.names) > MOST_COLUMNS:
-        size = f"{len(found.names)} columns, and {MOST_COLUMNS} are the most"
-        raise UserError(f"{path}, line {found.at + 1}: the header has {size}; is it a table of rows?")
     count = Counter(filter(None, found.names))
     if repeated := sorted(name for name, times in count.items() if times > 1):
         raise UserError(
