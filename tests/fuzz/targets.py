@@ -170,7 +170,7 @@ EXPRESSIONS = (
 )  # fmt: skip
 OVERRIDES = (b"chain.modules=8", b"physics={kind: mujoco}", b"cross_check.0=[a, b]", b"name=a")
 NOTES = (b"units: {angle_rad: deg}\nexclude: [{run: a, start: 1 s, end: 2 s}]\n", b"rename: {a: b}\n")
-FEM_TABLES = ("tests/data/*.csv", "examples/data/*.csv", "examples/clamped_chain/module.csv")
+FEM_TABLES = ("examples/data/*.csv", "examples/clamped_chain/module.csv")
 MANIFEST = json.dumps(
     [{"interface": "effect", "kind": "leak", "config": "a.b:C", "implementation": "a.b:D", "summary": "s",
       "example": {"x": 1}, "requires": ["numpy"], "lazy": ["scipy.io"], "install": "pip install x"}]

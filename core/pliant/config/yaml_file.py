@@ -10,6 +10,7 @@ from __future__ import annotations
 import datetime
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def _as_written(tag: str) -> str:
 def bounded_yaml(path: Path) -> YAML:
     """A reader of YAML 1.2 that keeps comments; `path` is for its messages."""
     yaml = YAML(typ="rt")
-    yaml.Composer = lambda loader: _Bounded(loader, path)
+    yaml.Composer = partial(_Bounded, path=path)  # type: ignore[assignment]
     return yaml
 
 

@@ -16,6 +16,7 @@ from pliant.units import BEYOND
 
 SHOWN = 20  # problems that a message lists
 NOTHING = 1 / BEYOND
+LONGEST_NUMBER = 100  # characters
 ENOUGH = 10_000  # problems after which reading stops
 MISSING = (
     "",
@@ -230,6 +231,8 @@ class Block:
 
 def number_in(text: str, marks: Marks) -> float | None:
     """The number that a cell holds, or None."""
+    if len(text) > LONGEST_NUMBER:
+        return None
     if marks.decimal is not None:
         other = "." if marks.decimal == "," else ","
         if other in text:
@@ -247,6 +250,8 @@ def number_in(text: str, marks: Marks) -> float | None:
 
 def is_number(text: str) -> bool:
     """Whether a cell holds a number; Python would read 1_5 as 15."""
+    if len(text) > LONGEST_NUMBER:
+        return False
     try:
         float(text)
     except ValueError:
