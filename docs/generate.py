@@ -74,6 +74,9 @@ FIRST_ON_THE_INDEX = [
     "- [Study file](study.md): every key of a study.",
     "- [Effect catalogue](effects.md): what a model may lack, what gives it away, the run that shows it.",
     "- [Python](../python.md): the commands as functions, records, what plugins may rely on.",
+    "- [Records for plugins](records.md): meshes, problems, states, laws, chains, field by field.",
+    "- [Meshing helpers](meshing.md): lattices, blocks, holes, faces, masses.",
+    "- [Units, fields of a component](plugin_basics.md): types of a config's fields, a manifest's entry.",
 ]
 INTERFACE_CLASS = {
     "family": "ActuatorFamily",
@@ -89,9 +92,9 @@ INTERFACE_CLASS = {
 }
 
 
-def _catalogue() -> Any:
-    """The script `catalogue.py`, which lies beside this one and writes about effects."""
-    spec = importlib.util.spec_from_file_location("catalogue", Path(__file__).parent / "catalogue.py")
+def _beside(name: str) -> Any:
+    """A script that lies beside this one: `catalogue`, about effects, or `plugin_pages`, what plugins are made with."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -102,7 +105,8 @@ def _catalogue() -> Any:
 def pages(registry: Registry) -> dict[Path, str]:
     """Path → text of every reference page."""
     made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
-    made[REFERENCE / "effects.md"] = _catalogue().catalogue(_ours(registry, "effect"))
+    made[REFERENCE / "effects.md"] = _beside("catalogue").catalogue(_ours(registry, "effect"))
+    made |= _beside("plugin_pages").pages(REFERENCE, _markdown)
     for interface in INTERFACES:
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
@@ -241,7 +245,7 @@ def _usage(component: Component) -> list[str]:
 def _see_catalogue(component: Component) -> list[str]:
     if component.interface != "effect":
         return []
-    paragraphs = ["## In the data", *_catalogue().facts(component)]
+    paragraphs = ["## In the data", *_beside("catalogue").facts(component)]
     picture = f"![{component.kind}: the run that shows it](../../pictures/effects/{component.kind}.png)"
     others = "What the table and the picture mean, and the other effects: [effect catalogue](../effects.md)."
     return [line for paragraph in (*paragraphs, picture, others) for line in (paragraph, "")]

@@ -30,6 +30,20 @@ EXTENDING = {
     "wall": "1.5 mm",
     "module_length": "10 mm",
 }
+TWO_CHAMBER = {
+    "width": "20 mm",
+    "height": "20 mm",
+    "wall": "2 mm",
+    "web": "2 mm",
+    "module_length": "10 mm",
+}
+THREE_CHAMBER = {
+    "radius": "10 mm",
+    "bore": "2 mm",
+    "wall": "1.5 mm",
+    "rib": "2 mm",
+    "module_length": "10 mm",
+}
 TENDON_JOINT = {
     "module_length": "28 mm",
     "flexure_length": "5 mm",
@@ -121,6 +135,22 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.pneunet.family:Pneunet",
             summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
             example=PNEUNET,
+        ),
+        Component(
+            interface="family",
+            kind="two_chamber",
+            config=f"{HERE}.families.chambers.two_chamber:TwoChamberConfig",
+            implementation=f"{HERE}.families.chambers.two_chamber:TwoChamber",
+            summary="two opposed chambers with a pressure each; bends both ways",
+            example=TWO_CHAMBER,
+        ),
+        Component(
+            interface="family",
+            kind="three_chamber",
+            config=f"{HERE}.families.chambers.three_chamber:ThreeChamberConfig",
+            implementation=f"{HERE}.families.chambers.three_chamber:ThreeChamber",
+            summary="three chambers around a bore with a pressure each; bends about two axes",
+            example=THREE_CHAMBER,
         ),
         Component(
             interface="material",

@@ -59,7 +59,7 @@ def module_mass_kg() -> float:
 
 def test_mjcf_loads_in_plain_mujoco(pliant, study, workplace) -> None:
     call = pliant("export", study, "--out", "out/robot.xml", "--json", "done.json").done()
-    assert "no actuator" in call.out and "no payload of the task" in call.out
+    assert "robot_law.py" in call.out and "data.ctrl takes the inputs" in call.out
     model = mujoco.MjModel.from_xml_path(str(workplace / "out" / "robot.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -71,7 +71,9 @@ def test_mjcf_loads_in_plain_mujoco(pliant, study, workplace) -> None:
     shown = model.geom_group == 2
     assert shown.sum() == 2 * MODULES and not model.geom_contype[shown].any()
     files = json.loads((workplace / "done.json").read_text())["files"]
-    assert [Path(file).is_file() for file in files] == [True] * 3
+    assert [Path(file).is_file() for file in files] == [True] * 4
+    assert [model.actuator(k).name for k in range(model.nu)] == ["pressure_pa"]
+    assert model.site("tip").id >= 0 and model.nsensor == 2 + 2 * MODULES
 
 
 def test_the_exported_mjcf_moves_like_a_spring(pliant, study, workplace) -> None:
@@ -140,7 +142,7 @@ def test_a_chain_without_a_family_has_no_meshes(pliant, workplace) -> None:
     pliant("export", "rods.yaml", "--out", "rods.xml").done()
     model = mujoco.MjModel.from_xml_path("rods.xml")
     assert model.nmesh == 0 and model.ngeom > 0
-    assert sorted(p.name for p in workplace.glob("rods*")) == ["rods.xml", "rods.yaml"]
+    assert sorted(p.name for p in workplace.glob("rods*")) == ["rods.xml", "rods.yaml", "rods_law.py"]
 
 
 @pytest.mark.parametrize(

@@ -99,15 +99,15 @@ def test_joints_of_one_kind_share_a_law_and_the_same_springs_are_the_same_object
 
 
 def test_opposed_chambers_share_a_connection() -> None:
-    """Two linear laws in parallel behind one spring: k = 2 k₁, so that a moment bends by (1 + κ n/2) M / k."""
+    """Two chambers on one elasticity behind one spring: k = k₁, so that a moment bends by (1 + κ n/2) M / k."""
     opposed = {
         "actuators": [ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_pa", sign=-1)]
     }
     chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY, **opposed)
-    assert rest_stiffness(chain) == pytest.approx(2 * K)
+    assert rest_stiffness(chain) == pytest.approx(K)
     history = History.of({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}, moment_n_m=4e-3)
     ((found,),) = followed(connected(chain), history)
-    wanted = GAIN * 6e3 / (2 * K) - (1 + SHARE / 2) * 4e-3 / (2 * K)
+    wanted = GAIN * 6e3 / K - (1 + SHARE / 2) * 4e-3 / K
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""`pliant export`: a study's chain as a file for other programs, or what it looks like as STL."""
+"""`pliant export`: a study's robot or its law as files for other programs, or what it looks like as STL."""
 
 from __future__ import annotations
 
@@ -12,23 +12,27 @@ from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError, closest
+from pliant.exporting.law_files import ENDINGS, LAW_FORMATS, write_laws
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.meshing.stl import write_stl
 from pliant.meshing.surfaces import welded
+from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.motion import drawn_chain, surface_at_rest
-from pliant.pipeline.study import StudyRun, chain_of_study, check_study, laws_of_study
+from pliant.pipeline.study import StudyRun, check_study, laws_of_study
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
 from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
 
 # Endings that do not name their format themselves.
-FORMATS = {"xml": "mjcf"}
+FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
 STL = "stl"
-CANNOT_MOVE = (
-    "It holds geometry, masses and the stiffness at rest. It cannot move by itself: there is no actuator, no law of "
-    "pressure or tendon, and no payload of the task in it."
-)
+ACTS = {
+    "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
+    "inputs. Without it the file is a spring with the stiffness at rest.",
+    "urdf": "URDF has no law and no inputs: the law is in the JSON file beside it, and read_law.py evaluates it; the "
+    "program that loads the URDF applies the efforts at its joints.",
+}
 
 
 def surface_of(bench: Workbench, study: Study, part: str, scale: float) -> TriangleMesh:
@@ -50,11 +54,21 @@ def surface_of(bench: Workbench, study: Study, part: str, scale: float) -> Trian
 def export(
     here: Session,
     study: StudyFile,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .xml (MJCF), .urdf or .stl.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json.",
+        ),
+    ],
     overrides: Overrides = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help="mjcf, urdf or stl; by the file's ending where it is left out."),
+        typer.Option(
+            "--format",
+            help="mjcf, urdf, stl, c, numpy, torch, jax or json; by the file's ending where it is left out.",
+        ),
     ] = None,
     part: Annotated[
         str,
@@ -65,14 +79,17 @@ def export(
         typer.Option("--scale", help="stl: the file's lengths are metres times this; 1000 for millimetres."),
     ] = 1.0,
 ) -> None:
-    """The chain as MJCF or URDF with its surfaces beside it, or its surface as STL.
+    """The robot as MJCF or URDF with its law and surfaces beside it, its law alone, or its surface as STL.
 
-    In MJCF and URDF the law is stiffness at rest only. An STL of one module needs no FEM.
+    Beside MJCF stands a Python module that lets it act in plain MuJoCo, beside URDF the law as JSON with a reader. The
+    law alone is written as C, NumPy, torch, JAX or JSON. An STL of one module needs no FEM.
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
     loaded = here.study(study, overrides)
-    if (form or out.suffix.removeprefix(".")).lower() == STL:
+    wanted = (form or out.suffix.removeprefix(".")).lower()
+    wanted = FORMATS.get(wanted, wanted)
+    if wanted == STL:
         surface = surface_of(here.bench(), loaded, part, scale)
         check_writable(out.parent)
         write_stl(surface, out, scale)
@@ -81,19 +98,47 @@ def export(
         return
     if part != "chain" or scale != 1.0:
         raise UserError("--part and --scale are for STL; MJCF and URDF hold the whole chain in metres.")
+    if wanted in LAW_FORMATS:
+        _export_law(here, loaded, out, wanted)
+        return
     engine = writer_of(here.registry, out, form)
     loaded.need("chain", "an export")
     check_writable(out.parent)
     bench = here.bench()
-    chain = chain_of_study(bench, loaded).chain
+    carried = carried_chain(bench, loaded)
     looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
-    files = engine.export(chain, out, looks)
-    if loaded.effects:
-        here.progress.note("the study's effects are not in the file, which holds the chain at rest.")
-    here.result.update({"files": list(files), "format": engine.capabilities.export})
-    beside = f" and {len(files) - 1} mesh(es) in {files[1].parent}" if len(files) > 1 else ""
-    here.say(f"written  {out}{beside}")
-    here.say(CANNOT_MOVE)
+    files = engine.export(carried.chain, out, looks)
+    here.result.update(
+        {"files": list(files), "format": engine.capabilities.export, "left_out": carried.left_out}
+    )
+    beside = [file for file in files[1:] if file.parent == out.parent]
+    meshes = len(files) - 1 - len(beside)
+    here.say(f"written  {out}{f' and {meshes} mesh(es) in {files[-1].parent}' if meshes else ''}")
+    for file in beside:
+        here.say(f"written  {file}")
+    if engine.capabilities.export in ACTS:
+        here.say(ACTS[engine.capabilities.export])
+    for sentence in carried.sentences:
+        here.say(sentence)
+
+
+def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
+    """The law alone, without a chain too."""
+    check_writable(out.parent)
+    bench = here.bench()
+    carried = carried_chain(bench, study) if study.chain is not None else None
+    laws = carried.chain.laws if carried else [stages.law.law for stages in laws_of_study(bench, study)]
+    files = write_laws(laws, out, form)
+    left_out = carried.left_out if carried else [effect.kind for effect in study.effects]
+    here.result.update({"files": list(files), "format": form, "left_out": left_out})
+    for file in files:
+        here.say(f"written  {file}")
+    if left_out:
+        here.say(f"Effects that are not in it: {', '.join(left_out)}.")
+    if any(law.error is not None for law in laws):
+        here.say(
+            "Of the law's error bar it holds the largest half-width in the domain (90 %), not its shape."
+        )
 
 
 def writer_of(registry: Registry, out: Path, form: str | None) -> PhysicsBackend:
@@ -116,7 +161,9 @@ def writer_of(registry: Registry, out: Path, form: str | None) -> PhysicsBackend
             return engine
         known += [engine.capabilities.export] if engine.capabilities.export else []
     endings = {of: ending for ending, of in FORMATS.items()}
-    told = ", ".join(f"{name} (.{endings.get(name, name)})" for name in sorted([*known, STL]))
+    endings |= ENDINGS
+    every = sorted([*known, STL, *LAW_FORMATS])
+    told = ", ".join(f"{name} (.{endings.get(name, name)})" for name in every)
     said = f"--format {form}" if form else f"--out {out.name}"
     cause = f"no engine writes '{wanted}'" if wanted else "the name has no ending"
-    raise UserError(f"{said}: {cause}{closest(wanted, [*known, STL])} Formats: {told}.{''.join(missing)}")
+    raise UserError(f"{said}: {cause}{closest(wanted, every)} Formats: {told}.{''.join(missing)}")

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.records.actuation import expected, is_known
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.units import Acceleration, Angle, Length, Mass, Ratio
-
-INPUT_PATTERN = r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$"
 
 
 def _no_truth(value: Any) -> Any:
@@ -59,6 +58,29 @@ class RigidConfig(FrozenModel):
         return self.length_m + self.module_lengths * module_length_m
 
 
+class ActuatorConfig(FrozenModel):
+    """A chamber or tendon: `input` names its signal, `sign` and `rotation` the side on which it acts."""
+
+    input: str = Field(description="name of the signal")
+    sign: float = Field(1.0, description="1 or -1: the side on which it acts")
+    rotation_rad: Angle = Field(
+        0.0, description="where it sits about the chain axis, e.g. 120 deg; joints with three axes only"
+    )
+
+    @field_validator("input")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if not is_known(name):
+            raise ValueError(f"'{name}' is no input; it should be {expected()}")
+        return name
+
+    @model_validator(mode="after")
+    def _unit_sign(self) -> ActuatorConfig:
+        if abs(self.sign) != 1.0:
+            raise ValueError("'sign' must be 1 or -1")
+        return self
+
+
 class SegmentConfig(FrozenModel):
     """A run of equal modules, or a rigid piece between modules.
 
@@ -76,6 +98,9 @@ class SegmentConfig(FrozenModel):
         1.0,
         gt=0,
         description="share of the chain's pressure or force that its supply gets, as behind a regulator of its own",
+    )
+    actuators: tuple[ActuatorConfig, ...] = Field(
+        (), description="chambers or tendons of its own; those of the chain by default"
     )
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
@@ -101,6 +126,10 @@ class SegmentConfig(FrozenModel):
             raise ValueError("a rigid piece has a length, a mass and a radius, and nothing of modules")
         return self
 
+    def canonical(self) -> dict[str, Any]:
+        """Without actuators where it has none of its own, as keys of earlier chains are."""
+        return {name: value for name, value in super().canonical().items() if name != "actuators" or value}
+
 
 class BaseConfig(FrozenModel):
     """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll."""
@@ -118,22 +147,6 @@ class BaseConfig(FrozenModel):
             vector = getattr(self, name)
             if vector is not None and np.linalg.norm(vector) < 1e-9:
                 raise ValueError(f"'{name}' has no length")
-        return self
-
-
-class ActuatorConfig(FrozenModel):
-    """A chamber or tendon: `input` names its signal, `sign` and `rotation` the side on which it acts."""
-
-    input: str = Field(pattern=INPUT_PATTERN, description="name of the signal")
-    sign: float = Field(1.0, description="1 or -1: the side on which it acts")
-    rotation_rad: Angle = Field(
-        0.0, description="where it sits about the chain axis, e.g. 120 deg; joints with three axes only"
-    )
-
-    @model_validator(mode="after")
-    def _unit_sign(self) -> ActuatorConfig:
-        if abs(self.sign) != 1.0:
-            raise ValueError("'sign' must be 1 or -1")
         return self
 
 

@@ -8,7 +8,6 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 from pydantic_core.core_schema import ErrorType
 
-from pliant.config.chain import INPUT_PATTERN
 from pliant.config.study import NAME_PATTERN, allowed_keys, nested_model
 from pliant.errors import closest
 from pliant.interfaces.base import FrozenModel
@@ -26,7 +25,6 @@ WANTED = dict.fromkeys(
 }
 PATTERNS = {
     NAME_PATTERN: "it should begin with a letter or digit and hold only A-Z a-z 0-9 . _ -",
-    INPUT_PATTERN: "it should be pressure_pa, pressure_1_pa, … or tendon_force_n, tendon_force_1_n, …",
 }
 
 

@@ -11,8 +11,10 @@ from pydantic import Field, field_serializer, field_validator, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.interfaces.input_levels import InputLevels
 from pliant.interfaces.material import Material, require_regions
 from pliant.interfaces.study_loads import StudyLoads
+from pliant.records.actuation import Levels, kind_of, names_of
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem, StructureState
@@ -22,6 +24,8 @@ from pliant.units import Angle, Force, Pressure, Ratio
 Held = float | Mapping[str, float]
 # Of the iteration for u under a prescribed effort: steps, and the last change of u as a share of the largest u met.
 MOST_STEPS = 12
+# Fields that bound an actuation, each with an example.
+LIMITS = {"pressure_max_pa": "pressure_max: 15 kPa", "tendon_force_max_n": "tendon_force_max: 8 N"}
 CLOSE = 1e-9
 
 
@@ -38,10 +42,14 @@ class FemConfig(ComponentConfig):
     """
 
     pressure_max_pa: Pressure | None = Field(
-        default=None, gt=0, description="largest pressure of the data set"
+        default=None, gt=0, description="largest pressure of the data set, of every chamber"
     )
     tendon_force_max_n: Force | None = Field(
         default=None, gt=0, description="largest tendon force of the data set"
+    )
+    limits: InputLevels = Field(
+        default_factory=dict,
+        description="largest value of each input that has one of its own, e.g. {pressure_2_pa: 8 kPa}",
     )
     sampling: Literal["adaptive", "grid", "study"] = Field(
         default="adaptive",
@@ -99,22 +107,38 @@ class FemConfig(ComponentConfig):
             return {**values, "sampling": "grid"}
         return values
 
-    def actuation_max(self, actuation: str) -> float:
-        """Largest actuation of a module driven by `actuation`, SI. Raises `UserError` unless it alone is given."""
-        limits = {"pressure_pa": self.pressure_max_pa, "tendon_force_n": self.tendon_force_max_n}
-        keys = {"pressure_pa": "pressure_max: 15 kPa", "tendon_force_n": "tendon_force_max: 8 N"}
-        limit = limits[actuation]
-        if limit is None:
-            raise UserError(
-                f"fem: this family is driven by {actuation}; give the data's largest, '{keys[actuation]}'."
-            )
-        for other, example in keys.items():
-            if other != actuation and limits[other] is not None:
+    def canonical(self) -> dict[str, Any]:
+        """Without limits where none are given, as keys of earlier data sets are."""
+        return {name: value for name, value in super().canonical().items() if name != "limits" or value}
+
+    def actuation_max(self, actuation: str) -> Levels:
+        """Largest actuation of a module driven by `actuation`, SI; (m,) of several.
+
+        Raises `UserError` where one is missing, and for a limit of what does not drive the module.
+        """
+        names = names_of(actuation)
+        kinds = [kind_of(name) for name in names]
+        found = []
+        for name, kind in zip(names, kinds, strict=True):
+            limit = self.limits.get(name, getattr(self, kind.limit) if kind.limit else None)
+            if limit is None or limit <= 0:
+                example = LIMITS.get(kind.limit, f"limits: {{{name}: ...}}")
+                raise UserError(
+                    f"fem: this family is driven by {actuation}; give the data's largest, '{example}'."
+                )
+            found.append(float(limit))
+        for name in self.limits:
+            if name not in names:
+                raise UserError(
+                    f"fem: 'limits' names {name}, and this family is driven by {actuation}: name one of these."
+                )
+        for field, example in LIMITS.items():
+            if getattr(self, field) is not None and all(kind.limit != field for kind in kinds):
                 key = example.split(":")[0]
                 raise UserError(
                     f"fem: '{key}' has no effect, since this family is driven by {actuation}; remove it."
                 )
-        return limit
+        return found[0] if len(found) == 1 else np.array(found)
 
 
 class StateNotConvergedError(NotReachedError):
@@ -134,15 +158,15 @@ class ModuleSolver(ABC):
         """The undeformed state: no actuation, angle 0 (slopes included)."""
 
     @abstractmethod
-    def free(self, actuation: float, start: FemState) -> FemState:
+    def free(self, actuation: Levels, start: FemState) -> FemState:
         """Equilibrium without external moment. Raises `StateNotConvergedError`."""
 
     @abstractmethod
-    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
+    def constrained(self, actuation: Levels, held: Held, start: FemState) -> FemState:
         """Equilibrium with some of the joint's coordinates held, rad (m for a prismatic joint).
 
         Args:
-            actuation: Pa or N.
+            actuation: Pa or N, (m,) where several drive the module.
             held: u by axis; axes that are not named are free, τ = 0. A number holds the main axis.
             start: a neighbouring state.
 
@@ -150,7 +174,7 @@ class ModuleSolver(ABC):
         """
 
     def loaded(
-        self, actuation: float, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
+        self, actuation: Levels, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
     ) -> FemState:
         """Equilibrium under a dead external effort about one axis, N·m (N for a prismatic joint).
 
@@ -172,8 +196,8 @@ class ModuleSolver(ABC):
         found = loaded_state(self.constrained, actuation, axis, moment, start, axes)
         if found is None:
             raise StateNotConvergedError(
-                f"no equilibrium at {actuation:.6g} under {moment:.4g} about {axis} from the state at "
-                f"{start.actuation:.6g}, {start.angle_rad:.4g}: the iteration for the angle did not converge."
+                f"no equilibrium at {_named(actuation)} under {moment:.4g} about {axis} from the state at "
+                f"{_named(start.actuation)}, {start.angle_rad:.4g}: the iteration for the angle did not converge."
             )
         return found
 
@@ -246,8 +270,8 @@ class FEMBackend(Configured[FemConfig]):
 
 
 def loaded_state(
-    constrained: Callable[[float, Mapping[str, float], FemState], FemState],
-    actuation: float,
+    constrained: Callable[[Levels, Mapping[str, float], FemState], FemState],
+    actuation: Levels,
     axis: str,
     effort: float,
     start: FemState,
@@ -276,7 +300,13 @@ def loaded_state(
     return None
 
 
-def _tangent(state: FemState, actuation: float, efforts: Array) -> Array:
-    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M."""
-    missing = efforts - state.tau - state.dtau_dp * (actuation - state.actuation)
+def _tangent(state: FemState, actuation: Levels, efforts: Array) -> Array:
+    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M, Δp (m,) of several."""
+    rise = np.asarray(actuation) - state.actuation
+    moved = state.dtau_dp * rise if rise.ndim == 0 else state.dtau_dp @ rise
+    missing = efforts - state.tau - moved
     return np.asarray(np.linalg.solve(state.dtau_du, missing))
+
+
+def _named(actuation: Levels) -> str:
+    return ", ".join(f"{value:.6g}" for value in np.atleast_1d(actuation).tolist())

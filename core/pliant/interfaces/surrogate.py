@@ -10,7 +10,9 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.records.actuation import names_of
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw, LawRecord
 
@@ -37,9 +39,11 @@ class Surrogate(Configured[SurrogateConfig]):
 
     Attributes:
         couples: whether `fit_module` fits the axes of a joint together, with ∂τ_i/∂u_j.
+        several_actuations: whether `fit_module` fits laws of several actuations; data of them are refused otherwise.
     """
 
     couples: ClassVar[bool] = False
+    several_actuations: ClassVar[bool] = False
 
     def stated(self) -> JointLaw | None:
         """The law that the config states by its coefficients, or None if the law must be fitted."""
@@ -63,12 +67,21 @@ class Surrogate(Configured[SurrogateConfig]):
     def fit_module(self, data: ModuleData) -> FittedLaw:
         """Fit whole states of a module: all axes of its joint; each by itself unless the surrogate knows better.
 
-        Raises `UserError` as `fit` does.
+        Raises `UserError` as `fit` does, and for several actuations unless the surrogate knows better.
         """
+        self.check_actuations(data.actuation_name)
         axes = data.explored_axes()
         if len(axes) == 1:
             return self.fit_axes({"": data.axis(axes[0])})
         return self.fit_axes({axis: data.axis(axis) for axis in axes})
+
+    def check_actuations(self, actuation_name: str) -> None:
+        """Raise `UserError` for several actuations where the surrogate has laws of one."""
+        if len(names_of(actuation_name)) > 1 and not self.several_actuations:
+            raise UserError(
+                f"surrogate '{self.config.kind}' fits laws of one actuation, and this module is driven by "
+                f"{actuation_name}: use surrogate.kind 'polynomial'."
+            )
 
     @abstractmethod
     def fit(self, data: FemDataset) -> FittedLaw:

@@ -1,13 +1,14 @@
 """Efforts of all joints of a chain from its laws, actuators and law terms: τ(q) = Σ_k T_k law(p_k, T_kᵀ q).
 
-T_k is an actuator's sign, and its turn about the chain axis where it has one (`Actuator.turn`).
+T_k is an actuator's sign, and its turn about the chain axis where it has one (`Actuator.turn`). A law of several
+actuations takes all that act on the joint at once: τ(q) = law(a, q).
 
 Terms split that sum into its elastic part, the sum at p = 0, and its actuation part, the rest: see `LawTerm`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,8 +49,15 @@ def actuation_values(actuators: Sequence[Actuator], actuation: Mapping[str, floa
 
 @dataclass(frozen=True, eq=False)
 class _LawGroup:
+    """Joints with the same law under the same actuators, `drives`; `whole`: the law takes them all at once."""
+
     law: JointLaw
     joints: NDArray[np.intp]
+    drives: slice
+
+    @property
+    def whole(self) -> bool:
+        return len(self.law.actuations) > 1
 
 
 class JointEfforts:
@@ -60,10 +68,16 @@ class JointEfforts:
         self.shape = (chain.n_joints, len(chain.axes))
         self._signs = np.array([actuator.sign for actuator in chain.actuators], float)
         self._turns = np.array([actuator.turn(len(chain.axes)) for actuator in chain.actuators], float)
-        of_joint = np.array([joint.law for joint in chain.joints])
+        of_joint = [(joint.law, chain.drives_of(joint)) for joint in chain.joints]
         self._groups = [
-            _LawGroup(law, np.flatnonzero(of_joint == k)) for k, law in enumerate(chain.laws) if k in of_joint
+            _LawGroup(
+                chain.laws[k],
+                np.array([i for i, known in enumerate(of_joint) if known == (k, drives)]),
+                slice(*drives),
+            )
+            for k, drives in sorted(set(of_joint))
         ]
+        self._apart = any(joint.drives for joint in chain.joints)
         self.terms = LawTerms(chain.terms, self.shape)
 
     def values(self, actuation: Mapping[str, float]) -> Array:
@@ -79,7 +93,7 @@ class JointEfforts:
         if not self.terms.terms:
             return whole
         memory = memory or self.terms.rested()
-        net = float(self._signs @ values)
+        net = self._net(values)
         now, slope = self.terms.contribution(q, net, memory), self.terms.slopes(q, net, memory)
         none = np.zeros_like(values)
         straight, elastic = self._laws(q, none), self._laws(q - now.rest, none)
@@ -95,10 +109,10 @@ class JointEfforts:
 
     def advance(self, q: Array, actuation: Mapping[str, float], memory: TermMemory) -> TermMemory:
         """The memory of the law terms after a step that ends at q (n, a)."""
-        return self.terms.advance(q, float(self._signs @ self.values(actuation)), memory)
+        return self.terms.advance(q, self._net(self.values(actuation)), memory)
 
     def potential(self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None) -> float:
-        """Σ Π(p, Tᵀ q) − Π(p, 0) over joints and actuators, in J.
+        """Σ Π(p, Tᵀ q) − Π(p, 0) over joints and actuators (Π(a, q) of several at once), in J.
 
         With law terms it is minus the work of τ along the straight path from 0, memory held: the potential of
         the step to come, by 12-point Gauss–Legendre.
@@ -112,20 +126,35 @@ class JointEfforts:
         taus = [self.evaluate(0.5 * (node + 1) * q, actuation, memory).tau for node in nodes]
         return -float(sum(0.5 * w * np.sum(tau * q) for w, tau in zip(weights, taus, strict=True)))
 
+    def _net(self, values: Array) -> Array:
+        """(n,) the sum of the signed inputs that act on each joint, which law terms see."""
+        if not self._apart:
+            return np.full(self.shape[0], float(self._signs @ values))
+        net = np.empty(self.shape[0])
+        for group in self._groups:
+            net[group.joints] = self._signs[group.drives] @ values[group.drives]
+        return net
+
     def _laws(self, q: Array, values: Array) -> ChainEffort:
         n, a = self.shape
         tau, dtau_du = np.zeros((n, a)), np.zeros((n, a, a))
         dtau_dp = {actuator.input: np.zeros((n, a)) for actuator in self.actuators}
-        turns = self._turns
         for group in self._groups:
             pressures, deformations = self._stack(group, q, values)
             effort = group.law.evaluate(pressures, deformations)
+            actuators = self.actuators[group.drives]
+            if group.whole:
+                tau[group.joints], dtau_du[group.joints] = effort.tau, effort.dtau_du
+                for k, actuator in enumerate(actuators):
+                    dtau_dp[actuator.input][group.joints] += effort.dtau_dp[:, :, k]
+                continue
+            turns = self._turns[group.drives]
             shape = (len(turns), len(group.joints), a)
             tau[group.joints] += np.einsum("kab,knb->na", turns, effort.tau.reshape(shape))
             slopes = effort.dtau_du.reshape(*shape, a)
             dtau_du[group.joints] += np.einsum("kab,knbc,kdc->nad", turns, slopes, turns)
             by_input = np.einsum("kab,knb->kna", turns, effort.dtau_dp.reshape(shape))
-            for actuator, slope in zip(self.actuators, by_input, strict=True):
+            for actuator, slope in zip(actuators, by_input, strict=True):
                 dtau_dp[actuator.input][group.joints] += slope
         return ChainEffort(tau, dtau_dp, dtau_du)
 
@@ -141,19 +170,10 @@ class JointEfforts:
         values = self.values(actuation)
         found: list[OutsideDomain] = []
         for group in self._groups:
-            names = _deformation_names(group.law)
-            for actuator, value, turn in zip(self.actuators, values, self._turns, strict=True):
-                pressures = np.full(len(group.joints), value)
-                excess = group.law.domain.excess(pressures, q[group.joints] @ turn)
-                if not actuator.rotation_rad:  # else it is told about the actuator's own axes
-                    excess[:, 1:] *= actuator.sign
+            for variables, excess in self._excesses(group, q, values):
                 for row, column in np.argwhere(np.abs(excess) > DOMAIN_ROUNDING):
-                    variable = (actuator.input, *names)[column]
-                    found.append(
-                        OutsideDomain(
-                            int(group.joints[row]) + 1, time_s, variable, float(excess[row, column])
-                        )
-                    )
+                    module = int(group.joints[row]) + 1
+                    found.append(OutsideDomain(module, time_s, variables[column], float(excess[row, column])))
         slopes = self.evaluate(q, actuation).dtau_du
         largest = np.linalg.eigvalsh(0.5 * (slopes + slopes.transpose(0, 2, 1)))[:, -1]
         found += [
@@ -164,10 +184,30 @@ class JointEfforts:
         found.sort(key=lambda entry: (entry.module, entry.variable, abs(entry.excess)))
         return tuple({(entry.module, entry.variable): entry for entry in found}.values())
 
+    def _excesses(self, group: _LawGroup, q: Array, values: Array) -> Iterator[tuple[tuple[str, ...], Array]]:
+        """Names of variables and how far outside its box the law is in them, (m, variables), of each actuator."""
+        names, joints = _deformation_names(group.law), q[group.joints]
+        actuators = self.actuators[group.drives]
+        if group.whole:
+            inputs = tuple(actuator.input for actuator in actuators)
+            yield (*inputs, *names), group.law.domain.excess(*self._stack(group, q, values))
+            return
+        known = zip(actuators, values[group.drives], self._turns[group.drives], strict=True)
+        for actuator, value, turn in known:
+            excess = group.law.domain.excess(np.full(len(joints), value), joints @ turn)
+            if not actuator.rotation_rad:  # else it is told about the actuator's own axes
+                excess[:, 1:] *= actuator.sign
+            yield (actuator.input, *names), excess
+
     def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
-        """Actuation (k·m,) and deformation (k·m, a) of a group's m joints under all k actuators."""
-        joints = q[group.joints]
-        return np.repeat(values, len(joints)), (joints @ self._turns).reshape(-1, q.shape[1])
+        """Actuation and deformation of a group's m joints as its law takes them.
+
+        (k·m,) and (k·m, a) under k actuators in turn; (m, k) and (m, a) of a law that takes them at once.
+        """
+        joints, acting = q[group.joints], values[group.drives]
+        if group.whole:
+            return np.tile(acting, (len(joints), 1)), joints
+        return np.repeat(acting, len(joints)), (joints @ self._turns[group.drives]).reshape(-1, q.shape[1])
 
 
 def _deformation_names(law: JointLaw) -> tuple[str, ...]:

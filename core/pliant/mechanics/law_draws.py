@@ -31,8 +31,8 @@ def error_tables(law: JointLaw, count: int, seed: int) -> Array:
         ValueError: the law states no error, or its domain has no limits.
     """
     box = np.vstack([law.domain.actuation, law.domain.deformation])
-    if law.error is None or not np.all(np.isfinite(box)):
-        raise ValueError("the law states no error bar over a bounded domain")
+    if law.error is None or not np.all(np.isfinite(box)) or len(law.actuations) > 1:
+        raise ValueError("the law states no error bar over a bounded domain of one actuation")
     random = np.random.default_rng(seed)
     nodes = chebyshev.chebpts1(NODES)
     to_series = np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))

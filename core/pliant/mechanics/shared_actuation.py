@@ -76,5 +76,5 @@ def _scaled(bar: ErrorBar, share: float) -> ErrorBar:
     if isinstance(bar, BarsOfAxes):
         return BarsOfAxes(tuple(None if one is None else _scaled(one, share) for one in bar.bars))
     box = np.array(bar.box)
-    box[0] /= share
+    box[: len(box) - bar.misses.shape[1]] /= share
     return replace(bar, box=box)

@@ -67,11 +67,11 @@ class LawTerms:
         """The memory of a virgin chain at rest."""
         return TermMemory(np.zeros(self.shape), np.zeros((*self.shape, self.n_states)))
 
-    def contribution(self, q: Array, actuation: float, memory: TermMemory) -> Contribution:
-        """Values at coordinates q (n, a)."""
+    def contribution(self, q: Array, actuation: float | Array, memory: TermMemory) -> Contribution:
+        """Values at coordinates q (n, a) under a net actuation, one of all joints or (n,)."""
         return self._evaluate(q, actuation, memory)[0]
 
-    def slopes(self, q: Array, actuation: float, memory: TermMemory) -> Contribution:
+    def slopes(self, q: Array, actuation: float | Array, memory: TermMemory) -> Contribution:
         """Their derivatives with respect to each joint's own coordinate, by central differences."""
         up = self.contribution(q + STEP, actuation, memory)
         down = self.contribution(q - STEP, actuation, memory)
@@ -79,11 +79,12 @@ class LawTerms:
             *((getattr(up, name) - getattr(down, name)) / (2 * STEP) for name in Contribution.__annotations__)
         )
 
-    def advance(self, q: Array, actuation: float, memory: TermMemory) -> TermMemory:
+    def advance(self, q: Array, actuation: float | Array, memory: TermMemory) -> TermMemory:
         """The memory after the step has ended at q (n, a)."""
         return replace(memory, previous=q.copy(), states=self._evaluate(q, actuation, memory)[1])
 
-    def _evaluate(self, q: Array, actuation: float, memory: TermMemory) -> tuple[Contribution, Array]:
+    def _evaluate(self, q: Array, actuation: float | Array, memory: TermMemory) -> tuple[Contribution, Array]:
+        pushed = np.broadcast_to(actuation, self.shape[0]).tolist()
         values = Contribution(
             np.zeros(self.shape), np.ones(self.shape), np.ones(self.shape), np.zeros(self.shape)
         )
@@ -95,7 +96,7 @@ class LawTerms:
             numbers = [self._numbers[place[0], span] for span in self._spans]
             for term, parameters, span in zip(self.terms, numbers, self._states, strict=True):
                 old, new = memory.states[place][span], states[place][span]
-                value = term.function(angle, rate, dt, actuation, temperature, old, new, parameters)
+                value = term.function(angle, rate, dt, pushed[place[0]], temperature, old, new, parameters)
                 if term.role == "moment":
                     values.moment[place] += value
                 elif term.role == "rest":

@@ -7,7 +7,7 @@ nodes by sharing ids.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -60,6 +60,19 @@ def carved(nodes_m: Array, cells: IntArray, hollow: NDArray[np.bool_]) -> tuple[
     bare = skin[np.isin(skin[:, FACE_CENTRE], cells[hollow][:, FACES[:, FACE_CENTRE]])]
     used = np.unique(left)
     return nodes_m[used], np.searchsorted(used, left), np.searchsorted(used, bare)
+
+
+def carved_cavities(
+    nodes_m: Array, cells: IntArray, hollows: Mapping[str, NDArray[np.bool_]]
+) -> tuple[Array, IntArray, dict[str, IntArray]]:
+    """`carved` with several hollows: nodes and cells that are left, and the faces (f, 9) of each hollow by its name."""
+    nodes, left, bare = carved(nodes_m, cells, np.any([*hollows.values()], axis=0))
+    used = np.unique(cells[~np.any([*hollows.values()], axis=0)])
+    cavities = {}
+    for name, hollow in hollows.items():
+        centres = cells[hollow][:, FACES[:, FACE_CENTRE]]
+        cavities[name] = bare[np.isin(used[bare[:, FACE_CENTRE]], centres)]
+    return nodes, left, cavities
 
 
 def module_sets(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,8 +12,10 @@ from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.mechanics.shared_actuation import shared
+from pliant.mechanics.shared_elasticity import sharing_elasticity
 from pliant.meshing.masses import UNIFORM
 from pliant.meshing.surfaces import merged, stretched
+from pliant.pipeline.wiring import Wiring
 from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.law import JointLaw
@@ -51,13 +52,15 @@ class RigidPiece:
 class Segment:
     """Equal modules in a row, turned by `rotation_rad` about the chain axis relative to the base; or a rigid piece.
 
-    Their supply gets `actuation_share` of what the chain's inputs say.
+    Their supply gets `actuation_share` of what the chain's inputs say. `actuators` are their own; without any those
+    of the chain act on them.
     """
 
     piece: Module | RigidPiece
     count: int = 1
     rotation_rad: float = 0.0
     actuation_share: float = 1.0
+    actuators: tuple[Actuator, ...] = ()
 
 
 def rod_module(
@@ -133,10 +136,15 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     Raises:
         UserError: laws of different joints, or actuators and laws that take different inputs.
     """
-    # A law that gets all of the actuation is left as it is.
-    pairs = [(s.piece.law, s.actuation_share) for s in segments if isinstance(s.piece, Module)]
+    wiring = Wiring.of(config.actuators, [(_law_of(segment), segment.actuators) for segment in segments])
+    # A law that gets all of the actuation, from one actuator, is left as it is.
+    pairs = [
+        (s.piece.law, s.actuation_share, wiring.sharers(number))
+        for number, s in enumerate(segments)
+        if isinstance(s.piece, Module)
+    ]
     places = {pair: place for place, pair in enumerate(dict.fromkeys(pairs))}
-    laws = [shared(law, share) for law, share in places]
+    laws = [sharing_elasticity(shared(law, share), count) for law, share, count in places]
     kinds = sorted({f"{law.joint} ({', '.join(law.axes)})" for law in laws})
     if len(kinds) > 1:
         raise UserError(
@@ -150,7 +158,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     # Where the centre line has come to, in the last body's frame.
     reach = np.zeros(3)
     rings, line = [Ring(0, reach)], [Ring(0, reach)]
-    for segment in segments:
+    for number, segment in enumerate(segments):
         for _ in range(segment.count):
             piece = segment.piece
             if isinstance(piece, RigidPiece):
@@ -166,7 +174,8 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
             bodies[-1] = bodies[-1].joined(piece.mass.start.rotated(turn).shifted(offset))
             shapes[-1] += tuple(shape.placed(turn, offset) for shape in piece.shapes.start)
             line += [Ring(len(joints), reach + half), Ring(len(joints) + 1, beside)]
-            joints.append(Joint(places[piece.law, segment.actuation_share], offset, turn))
+            place = places[piece.law, segment.actuation_share, wiring.sharers(number)]
+            joints.append(Joint(place, offset, turn, wiring.drives[number]))
             bodies.append(piece.mass.end)
             shapes.append(piece.shapes.end)
             reach, rotation = half + beside, segment.rotation_rad
@@ -180,11 +189,15 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         base_rotation=base_rotation(config.base),
         gravity_m_s2=np.array(config.gravity_m_s2, float),
         payload_kg=config.payload_kg,
-        actuators=_actuators(config, laws),
+        actuators=wiring.actuators,
         shapes=tuple(merged(piece) for piece in shapes) if any(shapes) else (),
         rings=tuple(rings),
         centre_line=(*line, rings[-1]),
     )
+
+
+def _law_of(segment: Segment) -> JointLaw | None:
+    return segment.piece.law if isinstance(segment.piece, Module) else None
 
 
 def base_rotation(base: BaseConfig) -> Array:
@@ -202,20 +215,3 @@ def base_rotation(base: BaseConfig) -> Array:
         turn = axis / sine * np.arctan2(sine, cosine) if sine >= 1e-12 else np.array([0.0, np.pi, 0.0])
         rest = rest if sine < 1e-12 and cosine > 0 else exp_map(turn) @ rest
     return rest @ exp_map(np.array([base.roll_rad or 0.0, 0.0, 0.0]))
-
-
-def _actuators(config: ChainConfig, laws: Sequence[JointLaw]) -> tuple[Actuator, ...]:
-    """The config's actuators, or one of the laws' input. Every actuator drives every law: their inputs agree."""
-    names = sorted({law.actuation_name for law in laws})
-    if len(names) > 1:
-        raise UserError(f"one chain has one kind of actuation, and its laws take {' and '.join(names)}")
-    for actuator in config.actuators:
-        if re.sub(r"_\d+_", "_", actuator.input) != re.sub(r"_\d+_", "_", names[0]):
-            raise UserError(f"chain.actuators names '{actuator.input}', but the chain's law takes {names[0]}")
-        if actuator.rotation_rad and len(laws[0].axes) != 3:
-            raise UserError(
-                f"chain.actuators turns '{actuator.input}' about the chain axis, and a {laws[0].joint} joint has one "
-                "axis: give the law 'axes' x, y and z, or leave 'rotation' out."
-            )
-    turned = (Actuator(a.input, a.sign, a.rotation_rad) for a in config.actuators)
-    return tuple(turned) or (Actuator(names[0]),)

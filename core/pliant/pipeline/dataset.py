@@ -18,6 +18,7 @@ from pliant.pipeline.sampling.plan import sample
 from pliant.pipeline.sampling.strategies import loads_of
 from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling
 from pliant.pipeline.workbench import Workbench, content
+from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, TRUSTED, FemState, ModuleData, ModuleMesh, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
@@ -35,9 +36,14 @@ def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict
     Of a module with several axes, a state of the piece that moves about the main one alone has zero in the other
     places of u, τ and ∂τ/∂p, by symmetry, and NaN in the slopes that it does not know. A free state of the
     full piece is a row of each lateral axis. A state of an axis about which the module is symmetric has a copy
-    at −u. Copies took no iterations and no time.
+    at −u. Copies took no iterations and no time. Under several actuations there is one piece, and every state knows
+    all axes.
     """
     rows: list[tuple[FemState, str, str]] = []  # with the role and the axis whose law it explores
+    if sampling.solved and np.ndim(sampling.solved[0].state.actuation):
+        explored = main_axis if len(axes) == 1 else COUPLING
+        rows = [(one.state, one.target.role, explored) for one in sampling.solved]
+        return _columns(rows)
     lateral = [axis for axis in axes if axis != main_axis]
     for one in sampling.solved:
         state, role = one.state, one.target.role
@@ -51,6 +57,11 @@ def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict
             rows.append((state, role, explored))
             if explored in sampling.mirrored and role == "fit":
                 rows.append((_mirrored(state, axes.index(main_axis)), role, explored))
+    return _columns(rows)
+
+
+def _columns(rows: Sequence[tuple[FemState, str, str]]) -> dict[str, Any]:
+    """Arrays of states with their roles and the axes that they explore."""
     columns: dict[str, Any] = {name: np.array([getattr(s, name) for s, _, _ in rows]) for name in OF_STATES}
     return columns | {
         "role": np.array([row[1] for row in rows]),
@@ -129,14 +140,16 @@ def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
     try:
         for piece in pieces:
             rows = np.flatnonzero(np.isin(data.status, TRUSTED) & (data.branch == "constrained"))
-            rows = rows[(data.explored[rows] == data.main_axis) == (piece.name == MAIN)]
+            if len(pieces) > 1:
+                rows = rows[(data.explored[rows] == data.main_axis) == (piece.name == MAIN)]
             if not len(rows):
                 return False
             reach = np.maximum(np.abs(data.deformation).max(axis=0), np.finfo(float).tiny)
             size = np.abs(data.deformation[rows] / reach).sum(axis=1)
-            row = rows[np.argmax(size * data.actuation[rows])]
+            driven = data.actuation[rows]
+            row = rows[np.argmax(size * (driven if driven.ndim == 1 else driven.sum(axis=1)))]
             # from rest over the free branch
-            actuation, state = float(data.actuation[row]), piece.solver.rest()
+            actuation, state = data.actuation[row], piece.solver.rest()
             for share in (0.5, 1.0):
                 state = piece.solver.free(share * actuation, state)
             held = {axis: float(data.deformation[row, data.axes.index(axis)]) for axis in piece.axes}
@@ -167,8 +180,11 @@ def piece_of(name: str, problem: ModuleProblem, solver: ModuleSolver) -> Piece:
 
 
 def module_problems(family: ActuatorFamily, refinement: int) -> dict[str, ModuleProblem]:
-    """The pieces to solve: the main axis alone, where there are others the module with all of them too."""
-    if len(family.axes) == 1:
+    """The pieces to solve: the main axis alone, where there are others the module with all of them too.
+
+    Under several actuations no axis is the one that they drive: only the module with all axes is solved.
+    """
+    if len(family.axes) == 1 or len(names_of(family.actuation)) > 1:
         return {MAIN: family.problem(refinement)}
     return {
         MAIN: family.problem(refinement, axes=(family.main_axis,)),
@@ -211,7 +227,9 @@ def _shapes(
 
     def shape(state: FemState, stress: Array | None = None) -> ModuleShape:
         points = skin.values(solver.deformed_nodes(state))
-        return ModuleShape(state.actuation, state.angle_rad, points, skin.faces, stress, mirrors)
+        return ModuleShape(
+            float(np.max(state.actuation)), state.angle_rad, points, skin.faces, stress, mirrors
+        )
 
     return (*(shape(state) for state in free[:-1]), *(shape(s, _stress(solver, s, skin)) for s in free[-1:]))
 

@@ -19,7 +19,7 @@ from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import require_regions
 from pliant.interfaces.meta_model import MetaModelConfig
-from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.pipeline.chain import (
     Module,
@@ -37,6 +37,7 @@ from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
 from pliant.pipeline.visual import seen_surface
+from pliant.pipeline.wiring import actuators_of
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.law import JointLaw
@@ -147,7 +148,9 @@ def check_study(bench: Workbench, study: Study) -> None:
             if study.material is not None:
                 require_regions(built.regions, study.material.of_regions())
         if design.surrogate is not None:
-            bench.build("surrogate", design.surrogate)
+            surrogate: Surrogate = bench.build("surrogate", design.surrogate)
+            if design.family is not None and surrogate.needs_fem():
+                surrogate.check_actuations(built.actuation)
     for key, interface in BLOCKS.items():
         if getattr(study, key) is not None:
             bench.build(interface, getattr(study, key))
@@ -310,7 +313,10 @@ def chain_segments(
             else:
                 piece = rigid_rod(length, rigid.mass_kg or 0.0, rigid.radius_m)
         assert piece is not None
-        segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share))
+        own = actuators_of(segment.actuators)
+        segments.append(
+            Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share, own)
+        )
     return segments
 
 
@@ -430,7 +436,16 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
     components = [bench.component("family", study.family)] if study.family else []
     components += law_components(bench, stages)
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
-    return ChainSource(build_chain(chain, chain_segments(bench, study, stages)), config, inputs, components)
+    built = build_chain(chain, chain_segments(bench, study, stages))
+    if built.parts.max() > 1:
+        # Results of before, which counted it once for each actuator, are no results of this chain.
+        config["elasticity"] = "once"
+        bench.progress.note(
+            f"chain.actuators: {built.parts.max()} act on each joint, and its law's elasticity counts once. Before it "
+            "counted once for each actuator, so that results of this chain change; a stated law whose m_e and b_e were "
+            "one chamber's share now takes those of the whole joint."
+        )
+    return ChainSource(built, config, inputs, components)
 
 
 def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:

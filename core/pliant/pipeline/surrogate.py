@@ -25,7 +25,10 @@ FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give
 
 @dataclass(frozen=True)
 class LawStage:
-    """A law, its errors (None for a stated law), the artifact that holds both (None for a stated law)."""
+    """A law, its errors (None for a stated law), the artifact that holds both (None for a stated law).
+
+    `data` is what pictures of the law show; None where there is none of one actuation.
+    """
 
     law: JointLaw
     report: FitReport | None
@@ -71,7 +74,7 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
     )
     law = surrogate.load(artifact.value["law"])
     # Pictures show the data of the law's only axis or of the main one, else the first.
-    drawn = next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values())))
+    drawn = next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values()), None))
     return LawStage(law, artifact.value["report"], artifact, drawn)
 
 
@@ -103,6 +106,8 @@ def _data(
                 "or 'surrogate.data: table.csv'."
             )
         solved: ModuleData = dataset.value
+        if len(solved.actuations) > 1:  # no table of one axis says what they do: it is fitted as a whole
+            return data, {**keys, "data": dataset.key}
         axes = solved.explored_axes()
         found = {axis: solved.axis(axis) for axis in axes} if len(axes) > 1 else {"": solved.axis(axes[0])}
         data = {**found, **data}  # a table of the config's own goes before FEM
@@ -115,7 +120,8 @@ def evaluations_per_second(law: JointLaw, count: int = 20_000) -> float:
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     box = np.where(np.isfinite(box), box, FALLBACK)
     values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
-    p, u = np.ascontiguousarray(values[:, 0]), np.ascontiguousarray(values[:, 1:])
+    m = len(law.actuations)
+    p, u = np.ascontiguousarray(values[:, 0 if m == 1 else slice(m)]), np.ascontiguousarray(values[:, m:])
     law.evaluate(p, u)
     best = np.inf
     for _ in range(REPEATS):

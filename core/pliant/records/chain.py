@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.records.design import Array, MassProperties
 from pliant.records.law import JointLaw
@@ -23,11 +24,13 @@ class Joint:
         law: index into `ChainModel.laws`.
         offset_m: (3,) the joint's position in its parent body's frame.
         rest_rotation: (3, 3) the joint's rest frame in the parent body's frame (rotation between segments).
+        drives: first and last (exclusive) of `ChainModel.actuators` that act on it; None: all of them.
     """
 
     law: int
     offset_m: Array
     rest_rotation: Array
+    drives: tuple[int, int] | None = None
 
 
 class Ring(NamedTuple):
@@ -39,9 +42,10 @@ class Ring(NamedTuple):
 
 @dataclass(frozen=True)
 class Actuator:
-    """A chamber or tendon that acts on every joint: τ += T law(p, Tᵀ u) with T = sign · R_x(rotation).
+    """A chamber or tendon that acts on joints: τ += T law(p, Tᵀ u) with T = sign · R_x(rotation).
 
-    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints with three axes only.
+    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints with three axes only. To a
+    law of m actuations m of them in a row give one value each, a; then T is 1, and τ = law(a, u).
     """
 
     input: str
@@ -70,7 +74,8 @@ class ChainModel:
         base_position_m, base_rotation: pose of body 0 in the world, (3,) and (3, 3).
         gravity_m_s2: (3,).
         payload_kg: point mass hung at the tip.
-        actuators: one entry for a single chamber; two of opposite sign for opposed chambers.
+        actuators: one entry for a single chamber; two of opposite sign for opposed chambers; those of each segment
+            in turn where segments have their own (`Joint.drives`).
         terms: what effects add to the law of every joint.
         shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
         rings: base, the end of each segment, the last of them the tip; empty where segments are not known.
@@ -94,6 +99,19 @@ class ChainModel:
     @property
     def n_joints(self) -> int:
         return len(self.joints)
+
+    def drives_of(self, joint: Joint) -> tuple[int, int]:
+        """First and last (exclusive) of the actuators that act on a joint."""
+        return joint.drives or (0, len(self.actuators))
+
+    @property
+    def parts(self) -> NDArray[np.int64]:
+        """(n,) how many times each joint's law is in its effort: once for each actuator, once if it takes several."""
+        counts = []
+        for joint in self.joints:
+            first, last = self.drives_of(joint)
+            counts.append(1 if len(self.laws[joint.law].actuations) > 1 else last - first)
+        return np.array(counts, np.int64)
 
     @property
     def axes(self) -> tuple[str, ...]:

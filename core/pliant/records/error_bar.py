@@ -36,7 +36,7 @@ class ErrorBar:
     left out were.
 
     Attributes:
-        box: (1 + a, 2) actuation and deformations, low and high.
+        box: (1 + a, 2) actuation and deformations, low and high; (m + a, 2) of m actuations.
         places: (m, 1 + a) scaled places of the states that were left out.
         misses: (m, a) predicted minus true effort there, N·m (N for a prismatic joint), or its expected size.
         weights: (m,) how much each place counts.
@@ -150,7 +150,7 @@ class BarsOfAxes(ErrorBar):
 
 
 def _scaled(box: Array, actuation: Array, deformation: Array) -> Array:
-    values = np.concatenate([np.asarray(actuation, float)[:, None], np.asarray(deformation, float)], axis=1)
+    values = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
     return np.asarray((values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2))
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.records.actuation import Levels, names_of
 from pliant.records.design import Array, Design
 from pliant.records.law import JointKind
 
@@ -66,6 +67,7 @@ class ModuleMesh:
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
         regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
             each its material, density included, under `material.regions`.
+        cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
     """
 
     nodes_m: Array
@@ -74,6 +76,7 @@ class ModuleMesh:
     skin: IntArray
     node_sets: Mapping[str, IntArray]
     regions: Mapping[str, IntArray] = field(default_factory=dict)
+    cavities: Mapping[str, IntArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,8 @@ class ModuleProblem:
         joint: kind of the module's joint.
         stretches: whether e is an unknown; else e = 0 (an inextensible line).
         ribbons: bands at the height of the reference line.
-        actuation: name of the input, `pressure_pa` or `tendon_force_n`.
+        actuation: name of the input, `pressure_pa` or `tendon_force_n`; of several, all names
+            (`pressure_1_pa, pressure_2_pa`), each pressure with its faces in `mesh.cavities`.
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
@@ -214,8 +218,14 @@ class ModuleProblem:
             "tendon": self.tendon,
             "links": self.links,
             "ties": any(self.tied.values()),
+            "several_actuations": len(self.actuations) > 1,
         }
         return self.requires | {name for name, part in parts.items() if part}
+
+    @property
+    def actuations(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return names_of(self.actuation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,26 +238,27 @@ class FemState:
     or rigid parts overlap: the state is marked, not trusted).
 
     Attributes:
-        actuation: pressure (Pa) or tendon force (N).
+        actuation: pressure (Pa) or tendon force (N); (m,) where there are several.
         deformation: u, (k,) in rad, or m for a prismatic joint.
         tau: (k,) in N·m, or N.
-        dtau_dp: (k,) by actuation.
+        dtau_dp: (k,) by actuation; (k, m) by several.
         dtau_du: (k, k).
         energy_j: elastic energy of the module.
-        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m).
+        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m); (m,) of
+            several.
         axial_strain: e.
         main: place of the axis that actuation drives.
         held: names of the axes whose u was prescribed; none on the free branch.
         solution: the backend's own unknowns.
     """
 
-    actuation: float
+    actuation: Levels
     deformation: Array
     tau: Array
     dtau_dp: Array
     dtau_du: Array
     energy_j: float
-    travel: float
+    travel: Levels
     axial_strain: float
     branch: Branch
     status: str
@@ -388,6 +399,7 @@ class ModuleData:
     Attributes:
         actuation (n,), deformation (n, k), tau (n, k), dtau_dp (n, k), dtau_du (n, k, k), energy_j (n,),
         travel (n,), iterations (n,), wall_s (n,): as in `FemState`.
+            With m > 1 actuations: actuation and travel (n, m), dtau_dp (n, k, m).
         explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free;
             "coupling" where several are held.
         branch, status, role: (n,) as in `FemDataset`.
@@ -420,6 +432,11 @@ class ModuleData:
 
     def __len__(self) -> int:
         return len(self.actuation)
+
+    @property
+    def actuations(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return names_of(self.actuation_name)
 
     def rows(self, keep: NDArray[np.bool_] | IntArray) -> ModuleData:
         """The states that a mask (n,) or numbers choose."""

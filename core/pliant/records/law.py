@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 
@@ -17,7 +18,10 @@ JointKind = Literal["revolute", "spherical", "prismatic"]
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """τ and its slopes for n joints with a axes: tau (n, a), dtau_dp (n, a), dtau_du (n, a, a)."""
+    """τ and its slopes for n joints with a axes: tau (n, a), dtau_dp (n, a), dtau_du (n, a, a).
+
+    Of m > 1 actuations dtau_dp is (n, a, m).
+    """
 
     tau: Array
     dtau_dp: Array
@@ -26,16 +30,21 @@ class Effort:
 
 @dataclass(frozen=True, eq=False)
 class Domain:
-    """The box in which a law was fitted: actuation (2,) as (low, high), deformation (a, 2)."""
+    """The box in which a law was fitted: actuation (2,) as (low, high), (m, 2) of several; deformation (a, 2)."""
 
     actuation: Array
     deformation: Array
 
     def excess(self, actuation: Array, deformation: Array) -> Array:
-        """How far outside the box each joint is, (n, 1 + a): negative below, positive above, 0 inside."""
-        values = np.concatenate([np.asarray(actuation, float)[:, None], deformation], axis=1)
-        box = np.concatenate([self.actuation[None], self.deformation])
+        """How far outside the box each joint is, (n, m + a): negative below, positive above, 0 inside."""
+        values = np.column_stack([np.asarray(actuation, float), deformation])
+        box = self.box
         return np.minimum(values - box[:, 0], 0.0) + np.maximum(values - box[:, 1], 0.0)
+
+    @property
+    def box(self) -> Array:
+        """(m + a, 2) actuations, then deformations."""
+        return np.vstack([self.actuation, self.deformation])
 
     @staticmethod
     def unbounded(n_axes: int) -> Domain:
@@ -53,7 +62,8 @@ class LawRecord:
 
 
 # f(actuation, deformation, parameters, tau, dtau_dp, dtau_du): fills tau (a,), dtau_dp (a,) and dtau_du (a, a).
-ScalarFunction = Callable[[float, Array, Array, Array, Array, Array], None]
+# Of m > 1 actuations `actuation` is (m,), and dtau_dp (a·m,) has ∂τ_i/∂a_j at i·m + j.
+ScalarFunction = Callable[[Any, Array, Array, Array, Array, Array], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +77,13 @@ class ScalarLaw:
         function, parameters: see above.
         shared: parameters (P,) and a number s → the parameters of the law τ(s p, u) in the same function; None where
             the form has no such parameters.
+        less_rest: r where the law is τ(p, u) − r τ(0, u) with τ the function (`SharedElasticity`).
     """
 
     function: ScalarFunction
     parameters: Array
     shared: Callable[[Array, float], Array] | None = None
+    less_rest: float = 0.0
 
 
 class JointLaw(ABC):
@@ -80,6 +92,9 @@ class JointLaw(ABC):
     A revolute joint has one axis, a spherical one three (u is the rotation vector of the child in its parent's
     rest frame), a prismatic one an extension in metres and a force in newtons. τ = −∂Π/∂u, and a stable law
     has ∂τ/∂u < 0. Implementations are frozen; behaviour is added by wrapping, as effects do.
+
+    A law of m > 1 actuations, τ(a, u), has all their names in `actuation_name` (`pressure_1_pa, pressure_2_pa`) and one
+    trailing axis more wherever an actuation stands: a (n, m), `Effort.dtau_dp` (n, a, m), `Domain.actuation` (m, 2).
     """
 
     joint: JointKind
@@ -93,9 +108,19 @@ class JointLaw(ABC):
         """Effort and slopes of n joints at once.
 
         Args:
-            actuation: (n,) in Pa or N.
+            actuation: (n,) in Pa or N; (n, m) of several.
             deformation: (n, a) in rad or m.
         """
+
+    @property
+    def actuations(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return names_of(self.actuation_name)
+
+    def unactuated(self, n: int) -> Array:
+        """n times no actuation, as `evaluate` takes it: (n,), or (n, m) of several."""
+        m = len(self.actuations)
+        return np.zeros(n) if m == 1 else np.zeros((n, m))
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
         """Π(p, u) − Π(p, 0) in J, shape (n,): minus the work of τ along the straight path from 0 to u.

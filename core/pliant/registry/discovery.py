@@ -13,6 +13,7 @@ import pluggy
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
 from pliant.interfaces.material import MaterialConfig, with_regions
+from pliant.records.actuation import register
 from pliant.registry import hookspecs
 from pliant.registry.component import Component
 
@@ -147,7 +148,10 @@ def ask(module: Any, package: str) -> list[Component]:
     contract = getattr(module, "CONTRACT", 1)
     if contract != CONTRACT_VERSION:
         raise OtherContractError(module, contract, hooked)
-    return [component.from_package(package) for component in _components(module, hooked)]
+    found = [component.from_package(package) for component in _components(module, hooked)]
+    for kind in (kind for answer in hooked.hook.pliant_actuations() for kind in answer):
+        register(kind)
+    return found
 
 
 class OtherContractError(Exception):

@@ -1,4 +1,4 @@
-"""The one hook that a plugin package fills."""
+"""The hooks that a plugin package fills: its components, and new kinds of actuation where it has them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import pluggy
 
+from pliant.records.actuation import ActuationKind
 from pliant.registry.component import Component
 
 PROJECT = "pliant"
@@ -16,3 +17,8 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 @hookspec
 def pliant_components() -> Iterable[Component]:  # type: ignore[empty-body]
     """Return the package's components; must be cheap and must not import implementations."""
+
+
+@hookspec
+def pliant_actuations() -> Iterable[ActuationKind]:  # type: ignore[empty-body]
+    """Return the kinds of actuation that the package adds: name, unit and travel of each."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed, plural
+from pliant.records.actuation import names_of as actuations_of
 from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.report.document import Warned
 
@@ -50,8 +51,10 @@ def explored_kinds(data: ModuleData) -> list[str]:
 def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> tuple[str, str]:
     """Where a state failed: its actuation, and what was held."""
     value, angle = entry.get("actuation"), entry.get("angle_rad")
-    actuation = actuation_unit(data.actuation_name)
+    actuation = actuation_unit(actuations_of(data.actuation_name)[0])
     where = actuation.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
+    if isinstance(value, list | tuple):
+        where = ", ".join(actuation.text(float(one)) for one in value)
     u_unit, effort = deformation_unit(data), effort_unit(data)
     held, load = entry.get("held"), entry.get("effort")
     if isinstance(load, Mapping) and load:
@@ -63,6 +66,9 @@ def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> 
 
 def free_reach(data: ModuleData) -> str:
     """How far the free branch goes, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
+    if len(data.actuations) > 1:
+        turned = np.abs(data.deformation[data.branch == "free"]).max()
+        return f"bends {deformation_unit(data).text(float(turned), 3)} at most under these inputs alone"
     main = data.axis(data.main_axis)
     free = main.branch == "free"
     if not free.any():

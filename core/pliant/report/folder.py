@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.errors import UserError
+from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
 from pliant.records.design import Array
@@ -88,7 +89,9 @@ class FinishedRun:
 def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     """A run in memory as what a report reads."""
     designs = tuple(
-        DesignResult(
+        _of_several(_design_name(number, run), d.law.law, d.law.report)
+        if len(d.law.law.actuations) > 1
+        else DesignResult(
             _design_name(number, run),
             _main(d.fem) if d.fem else d.law.data,
             d.law.law,
@@ -236,9 +239,17 @@ def _read_designs(
             module = None
         else:
             source = artifacts[f"fem{number}"]
+            if len(law.actuations) > 1:
+                designs.append(_of_several(name, law, fit.value["report"]))
+                continue
             data, module = _main(source), source.value
         designs.append(DesignResult(name, data, law, fit.value["report"], module))
     return tuple(designs)
+
+
+def _of_several(name: str, law: JointLaw, report: FitReport | None) -> DesignResult:
+    """A design of several actuations: pictures show its law under the first alone, where no states lie."""
+    return DesignResult(name, None, of_one_input(law), report, None)
 
 
 def _unseen(name: str, written: Mapping[str, Any], made: Artifact, registry: Registry) -> DesignResult:

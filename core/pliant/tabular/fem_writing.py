@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import ContractError
+from pliant.records.actuation import kind_of
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.store.store import write_atomically
@@ -23,9 +24,13 @@ def write_table(dataset: FemDataset | ModuleData, path: Path) -> None:
     Each row is a state with u, τ and slopes of the axis that it explores, which `read_table` reads back. Of a
     `ModuleData` there follow the travel of the actuation, the solver's effort and, for several axes, u, τ and
     slopes of all of them; a state that holds several has "all" for its axis and the numbers of the main one.
-    Numeric parameters of the design come last. The file appears whole or not at all.
+    Under several actuations there is a column for each, and slopes by them are numbered, `dmoment_dp_1`. Numeric
+    parameters of the design come last. The file appears whole or not at all.
     """
-    columns = _of_module(dataset) if isinstance(dataset, ModuleData) else _of_axis(dataset)
+    if isinstance(dataset, FemDataset):
+        columns = _of_axis(dataset)
+    else:
+        columns = _of_module(dataset) if len(dataset.actuations) == 1 else _of_several(dataset)
     design = _parameters(dataset.design)
     cells = [[_text(value) for value in column] for column in columns.values()]
     cells += [[value] * len(dataset) for value in design.values()]
@@ -72,6 +77,33 @@ def _of_module(data: ModuleData) -> dict[str, Any]:
     if k > 1:
         parts = (data.deformation, data.tau, data.dtau_dp, data.dtau_du.reshape(len(data), k * k))
         columns |= zip(names.of_axes(data.axes), np.concatenate(parts, axis=1).T, strict=True)
+    return columns
+
+
+def _of_several(data: ModuleData) -> dict[str, Any]:
+    """Column → values of a module under several actuations: of the main axis, then of all where there are more."""
+    names, main, k = names_of(data.joint), data.axes.index(data.main_axis), len(data.axes)
+    numbers = [str(place) for place in range(1, len(data.actuations) + 1)]
+    u, tau, by_p, by_u = names[:4]
+    columns = {
+        **dict(zip(data.actuations, data.actuation.T, strict=True)),
+        "axis": [axis if axis in data.axes else ALL for axis in map(str, data.explored)],
+        u: data.deformation[:, main],
+        tau: data.tau[:, main],
+        **{f"{by_p}_{n}": column for n, column in zip(numbers, data.dtau_dp[:, main].T, strict=True)},
+        by_u: data.dtau_du[:, main, main],
+        "energy_j": data.energy_j,
+        **{name: getattr(data, name) for name in LABELS},
+        **{kind_of(n).travel_of(n): t for n, t in zip(data.actuations, data.travel.T, strict=True)},
+        **{name: getattr(data, name) for name in EFFORTS},
+    }
+    if k > 1:
+        of_axes = names.of_axes(data.axes)
+        slopes = [f"{name}_{n}" for name in of_axes[2 * k : 3 * k] for n in numbers]
+        n = len(data)
+        parts = (data.deformation, data.tau, data.dtau_dp.reshape(n, -1), data.dtau_du.reshape(n, k * k))
+        named = (*of_axes[: 2 * k], *slopes, *of_axes[3 * k :])
+        columns |= zip(named, np.concatenate(parts, axis=1).T, strict=True)
     return columns
 
 

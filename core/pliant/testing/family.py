@@ -18,6 +18,8 @@ from pliant.meshing.cells import (
     face_keys,
     kind_of,
 )
+from pliant.records.actuation import expected, is_known
+from pliant.records.actuation import kind_of as actuation_kind
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.testing import Finding, Subject, agree, once, require, require_refused
@@ -28,7 +30,6 @@ VOLUME_TOLERANCE = 0.02
 DENSITY = 1000.0
 DENSER = 3.0  # times as dense, for comparison
 AXES = {"revolute": 1, "prismatic": 1, "spherical": 3}
-ACTUATIONS = ("pressure_pa", "tendon_force_n")
 
 
 @once
@@ -94,11 +95,25 @@ def mesh_is_one_closed_body(subject: Subject) -> None:
 
 
 def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
-    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity."""
+    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
+
+    Of several pressures each has its part of them in `cavities`, no face in two.
+    """
     problem, mesh = _problem(subject), _problem(subject).mesh
-    if problem.actuation != "pressure_pa":
+    pressures = [
+        name for name in problem.actuations if is_known(name) and actuation_kind(name).name == "pressure_pa"
+    ]
+    if not pressures:
         require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
         return
+    if len(problem.actuations) > 1:
+        for name in pressures:
+            require(len(mesh.cavities.get(name, ())) > 0, f"'{name}' has no faces in `mesh.cavities`")
+        parts = sorted(
+            key for name in pressures for key in map(tuple, face_keys(mesh.cavities[name]).tolist())
+        )
+        whole = sorted(map(tuple, face_keys(mesh.cavity).tolist()))
+        require(parts == whole, "`cavities` together are not the faces of `cavity`")
     require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
     faces = boundary_faces(mesh.cells)[0]
     skin = dict(zip(map(tuple, face_keys(faces).tolist()), faces, strict=True))
@@ -236,8 +251,12 @@ def axes_fit_the_joint(subject: Subject) -> None:
         f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {axes}",
     )
     require(problem.joint == joint, f"the problem's joint is '{problem.joint}', not '{joint}'")
-    known = f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}"
-    require(problem.actuation in ACTUATIONS, known)
+    for name in problem.actuations:
+        require(is_known(name), f"'{name}' of the actuation '{problem.actuation}' is none of {expected()}")
+    same = subject.build().actuation
+    require(same == problem.actuation, f"the family says '{same}' and its problem '{problem.actuation}'")
+    twice = len(set(problem.actuations)) == len(problem.actuations)
+    require(twice, f"the actuation '{problem.actuation}' names an input twice")
     same = f"the family's actuation is '{family.actuation}', the problem's '{problem.actuation}'"
     require(family.actuation == problem.actuation, same)
 

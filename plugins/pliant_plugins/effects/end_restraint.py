@@ -103,7 +103,7 @@ class EndRestraint(Effect):
                 "take it out of 'effects', or raise 'chain.modules'",
             )
         c = self.config
-        per_give = len(chain.actuators) / rest_stiffness(chain)
+        per_give = int(chain.parts.max()) / rest_stiffness(chain)
         ends = ((c.base_share, c.base_give * per_give), (c.cap_share, c.cap_give * per_give))
         laws, joints = _restrained(chain.laws, chain.joints, ends)
         return model.with_(chain=chain.with_(laws=laws, joints=joints))

@@ -66,7 +66,7 @@ class InterModuleCompliance(Effect):
         self._check(chain)
         if self.config.share == 0.0:
             return model
-        compliance = self.config.share * len(chain.actuators) / rest_stiffness(chain)
+        compliance = self.config.share * int(chain.parts.max()) / rest_stiffness(chain)
         laws, joints = _connected(chain.laws, chain.joints, compliance)
         return model.with_(chain=chain.with_(laws=laws, joints=joints))
 

@@ -38,8 +38,8 @@ def joint_stiffnesses(chain: ChainModel) -> Array:
     """
     at = main_axis(chain)
     still = np.zeros((1, len(chain.axes)))
-    slopes = [-float(law.evaluate(np.zeros(1), still).dtau_du[0, at, at]) for law in chain.laws]
-    stiffness = len(chain.actuators) * np.array([slopes[joint.law] for joint in chain.joints])
+    slopes = [-float(law.evaluate(law.unactuated(1), still).dtau_du[0, at, at]) for law in chain.laws]
+    stiffness = chain.parts * np.array([slopes[joint.law] for joint in chain.joints])
     if not stiffness.min() > 0:
         raise UserError(
             f"the joint law has the slope {-stiffness.min():.3g} N·m/rad at rest, and an effect that is stated as a "

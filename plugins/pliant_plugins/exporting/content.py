@@ -11,18 +11,23 @@ from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
 
 THE_LAW = (
-    " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation, "
-    "and nothing actuates the chain. SI units. "
+    " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation. "
+    "The law is in the JSON file beside it. SI units. "
 )
 
 
 def stiffness_at_rest(chain: ChainModel) -> Array:
     """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
     a = len(chain.axes)
-    of_law = [law.evaluate(np.zeros(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
-    turns = [actuator.turn(a) for actuator in chain.actuators]
-    together = [-sum(turn @ slope @ turn.T for turn in turns) for slope in of_law]
-    return np.array([together[joint.law] for joint in chain.joints])
+    of_law = [law.evaluate(law.unactuated(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
+    found = []
+    for joint in chain.joints:
+        acting = slice(*chain.drives_of(joint))
+        turns = [actuator.turn(a) for actuator in chain.actuators[acting]]
+        if len(chain.laws[joint.law].actuations) > 1:
+            turns = turns[:1]  # one law of all of them
+        found.append(-sum(turn @ of_law[joint.law] @ turn.T for turn in turns))
+    return np.array(found)
 
 
 class SurfaceFiles:

@@ -1,19 +1,29 @@
-"""A chain as MJCF: surfaces to look at, shapes that collide, joints with the law's stiffness at rest."""
+"""A chain as MJCF: surfaces, shapes that collide, inputs, sites, sensors; the module beside it lets the laws act.
+
+The file alone has the laws' stiffness at rest and moves as a passive spring; the module takes that away again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
+from pliant.exporting.written_law import identifier
 from pliant.records.chain import ChainModel
 from pliant.records.shape import Shape
-from pliant_plugins.exporting.content import THE_LAW, SurfaceFiles, shapes_of, stiffness_at_rest
+from pliant_plugins.exporting.content import SurfaceFiles, shapes_of, stiffness_at_rest
+from pliant_plugins.exporting.mujoco_module import DrivenArm, module_text
 from pliant_plugins.physics.mujoco.mjcf import add_chain, document, placed, text
 
 SEEN, TOUCHED = "2", "3"  # MuJoCo's usual groups: visuals are shown, collision shapes are not
+TIMESTEP_S, SITE_M = 0.005, "0.001"
+THE_LAW = (
+    " Written by Pliant. The joint law is not in this file, which alone is a spring with the law's stiffness at rest: "
+    "it is in {module} beside it, whose load() or install(model) lets it act; data.ctrl then takes inputs. SI units. "
+)
 
 
 def write_mjcf(
@@ -21,12 +31,19 @@ def write_mjcf(
 ) -> tuple[Path, ...]:
     """Bodies `base`, `body_1`…`body_n`, `tip`, joints `joint_1`…`joint_n` with viscous `damping`.
 
-    A ball joint of MuJoCo has one stiffness: the mean of the law's three. The chain does not collide with itself.
+    A ball joint of MuJoCo has one stiffness: the mean of the law's three. The chain does not collide with itself. Its
+    inputs are actuators of their names without a force of their own, which the module `<name>_law.py` reads.
+
+    Raises:
+        UserError: a law that cannot be written.
     """
     surfaces = SurfaceFiles(path)
+    module = path.with_name(f"{identifier(path.stem)}_law.py")
+    driving = module_text([DrivenArm(chain)], path.name)
     root = document("chain")
-    root.insert(0, Comment(THE_LAW))
-    SubElement(root, "option", integrator="implicitfast", gravity=text(chain.gravity_m_s2))
+    root.insert(0, Comment(THE_LAW.format(module=module.name)))
+    option = SubElement(root, "option", integrator="implicitfast", gravity=text(chain.gravity_m_s2))
+    option.set("timestep", repr(TIMESTEP_S))
     assets, known = SubElement(root, "asset"), set[str]()
 
     def add(body: Element, shapes: Iterable[Shape], **how: str) -> None:
@@ -52,6 +69,55 @@ def write_mjcf(
         joint.set("name", f"joint_{number}")
         joint.set("stiffness", repr(float(np.mean(np.diag(stiffness)))))
         joint.set("damping", repr(damping))
+    add_sites(bodies)
+    add_inputs(SubElement(root, "actuator"), chain)
+    add_sensors(SubElement(root, "sensor"), chain)
     indent(root)
     path.write_text(tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-    return (path, *surfaces.written)
+    module.write_text(driving, encoding="utf-8")
+    return (path, module, *surfaces.written)
+
+
+def add_sites(bodies: Sequence[Element], prefix: str = "") -> None:
+    """Sites `base`, `marker_1`…`marker_n` at the joints, `tip`."""
+    for number, body in enumerate(bodies):
+        SubElement(body, "site", name=f"{prefix}marker_{number}" if number else f"{prefix}base", size=SITE_M)
+    tip = bodies[-1].find("body")
+    assert tip is not None
+    SubElement(tip, "site", name=f"{prefix}tip", size=SITE_M)
+
+
+def add_inputs(actuator: Element, chain: ChainModel, prefix: str = "") -> None:
+    """One actuator for each input, without a force; its range is where all laws have data, and limits nothing."""
+    for name in dict.fromkeys(one.input for one in chain.actuators):
+        added = SubElement(
+            actuator, "general", name=prefix + name, site=f"{prefix}tip", gainprm="0", biastype="none"
+        )
+        low, high = input_range(chain, name)
+        if np.isfinite([low, high]).all() and low < high:
+            added.set("ctrlrange", text([low, high]))
+            added.set("ctrllimited", "false")
+
+
+def input_range(chain: ChainModel, name: str) -> tuple[float, float]:
+    """Low and high of an input within the domains of all laws that it drives."""
+    limits = []
+    for joint in chain.joints:
+        law = chain.laws[joint.law]
+        first, last = getattr(joint, "drives", None) or (0, len(chain.actuators))
+        rows = np.atleast_2d(law.domain.actuation)
+        for place, actuator in enumerate(chain.actuators[first:last]):
+            if actuator.input == name:
+                limits.append(rows[min(place, len(rows) - 1)])
+    low, high = np.array(limits).T
+    return float(low.max()), float(high.min())
+
+
+def add_sensors(sensor: Element, chain: ChainModel, prefix: str = "") -> None:
+    """The tip's place and attitude, every joint's coordinate and rate."""
+    SubElement(sensor, "framepos", name=f"{prefix}tip_position", objtype="site", objname=f"{prefix}tip")
+    SubElement(sensor, "framequat", name=f"{prefix}tip_attitude", objtype="site", objname=f"{prefix}tip")
+    kinds = ("ballquat", "ballangvel") if chain.laws[0].joint == "spherical" else ("jointpos", "jointvel")
+    for kind, name in zip(kinds, ("position", "velocity"), strict=True):
+        for k in range(1, chain.n_joints + 1):
+            SubElement(sensor, kind, name=f"{prefix}joint_{k}_{name}", joint=f"{prefix}joint_{k}")

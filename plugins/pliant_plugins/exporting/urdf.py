@@ -1,4 +1,4 @@
-"""A chain as URDF. The format has no stiffness: each joint's stands in a comment.
+"""A chain as URDF. The format has no stiffness: each joint's stands in a comment, its law in a JSON file beside it.
 
 Spherical joints are PyBullet's extension of the format.
 """
@@ -10,6 +10,8 @@ from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
 
+from pliant.exporting.as_json import READER
+from pliant.exporting.law_files import write_laws
 from pliant.records.chain import ChainModel
 from pliant.records.design import MassProperties
 from pliant_plugins.exporting.content import THE_LAW, SurfaceFiles, shapes_of, stiffness_at_rest
@@ -44,8 +46,11 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
         assert hinge is not None
         rows = "; ".join(" ".join(f"{value:.9g}" for value in row) for row in stiffness)
         hinge.append(Comment(f" stiffness at rest about {' '.join(chain.axes)}: {rows} {unit} "))
+    laws = write_laws(chain.laws, path.with_name(f"{path.stem}_law.json"), "json")
+    reader = path.with_name("read_law.py")
+    reader.write_text(READER, encoding="utf-8")
     path.write_text(document(root) + "\n", encoding="utf-8")
-    return (path, *surfaces.written, *collisions.written)
+    return (path, *laws, reader, *surfaces.written, *collisions.written)
 
 
 def _dress(link: Element, looks: ChainModel | None, body: int, surfaces: SurfaceFiles, start: Path) -> None:

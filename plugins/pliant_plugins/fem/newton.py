@@ -22,6 +22,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.records.actuation import Levels
 from pliant.records.design import Array
 
 Trial = TypeVar("Trial")
@@ -149,13 +150,13 @@ class Control:
     """What is prescribed.
 
     Attributes:
-        actuation: Pa or N.
+        actuation: Pa or N, (m,) of several.
         held: (G,) which globals are held.
         goal: (G,) values of those that are held.
         effort: (G,) external efforts on the piece that oppose the others; zero at a target.
     """
 
-    actuation: float
+    actuation: Levels
     held: NDArray[np.bool_]
     goal: Array
     effort: Array
@@ -175,30 +176,46 @@ Of = TypeVar("Of", bound=Functional)
 
 @dataclass(frozen=True, eq=False)
 class PathPoint(Generic[Of]):
-    """A trial state x, whose last G entries are the globals, at one actuation: U and W there."""
+    """A trial state x, whose last G entries are the globals, under actuations a: U and the W of each of them there."""
 
     x: Array
-    actuation: float
+    actuation: Levels
     energy: Of
-    travel: Of
+    travels: tuple[Of, ...]
 
     @property
     def residual(self) -> Array:
         """Gradient of Π; its last G are minus the external efforts on the piece."""
-        return self.energy.gradient - self.actuation * self.travel.gradient
+        residual = self.energy.gradient
+        for level, travel in zip(np.atleast_1d(self.actuation).tolist(), self.travels, strict=True):
+            residual = residual - level * travel.gradient
+        return residual
+
+    @property
+    def travel(self) -> Levels:
+        """W, (m,) of several actuations."""
+        values = [float(travel.value) for travel in self.travels]
+        return values[0] if len(values) == 1 else np.array(values)
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Back-substitutions Z (n, G + 2) and the reduced system in the globals."""
+    """Back-substitutions Z (n, 1 + G + m) under m actuations and the reduced system in the globals."""
 
     solved: Array
     stiffness: Array  # S (G, G)
     residual: Array  # ρ (G,)
-    actuation: Array  # b (G,)
+    actuation: Array  # b (G,), (G, m) of several actuations
+
+    @staticmethod
+    def of(solved: Array, full: Array, globals_: int) -> Reduced:
+        """From Z and the condensed columns (G, 1 + G + m): residual, stiffness, works."""
+        b = full[:, 1 + globals_ :]
+        b = b[:, 0] if b.shape[1] == 1 else b
+        return Reduced(solved, full[:, 1 : 1 + globals_], full[:, 0], b)
 
     def slopes(self, axes: tuple[int, ...]) -> tuple[Array, Array]:
-        """(∂M/∂a (k,), ∂M/∂q (k, k)) of the efforts M that oppose the globals `axes`, all others at equilibrium."""
+        """(∂M/∂a (k,) or (k, m), ∂M/∂q (k, k)) of efforts M that oppose the globals `axes`, others at equilibrium."""
         S, b, joint = self.stiffness, self.actuation, np.array(axes)
         others = np.setdiff1d(np.arange(len(b)), joint)
         lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
@@ -213,7 +230,7 @@ class FemSystem(Protocol):
     def count(self) -> int:
         """Number G of the globals."""
 
-    def evaluate(self, x: Array, actuation: float) -> PathPoint[Any] | None:
+    def evaluate(self, x: Array, actuation: Levels) -> PathPoint[Any] | None:
         """U and W at x; None where a cell is inverted."""
 
     def reduce(self, point: PathPoint[Any]) -> Reduced:
@@ -242,7 +259,7 @@ class Newton:
     system: FemSystem
     tolerance: Tolerance
 
-    def at(self, x: Array, actuation: float) -> FemEquilibrium:
+    def at(self, x: Array, actuation: Levels) -> FemEquilibrium:
         """The system at x, which the caller knows to be an equilibrium."""
         point = self.system.evaluate(x, actuation)
         if point is None:
@@ -288,13 +305,22 @@ class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
         rise, held, free = control.actuation - point.actuation, control.held, ~control.held
         change = np.zeros(G)
         change[held] = (control.goal - point.x[-G:])[held]
-        right = -reduced.residual + reduced.actuation * rise - control.effort - reduced.stiffness @ change
+        right = (
+            -reduced.residual + times(reduced.actuation, rise) - control.effort - reduced.stiffness @ change
+        )
         change[free] = np.linalg.solve(reduced.stiffness[np.ix_(free, free)], right[free])
         Z = reduced.solved
-        return -Z[:, 0] - Z[:, 1:-1] @ change + Z[:, -1] * rise, change
+        works = Z[:, 1 + G :]
+        by_actuation = times(works[:, 0] if works.shape[1] == 1 else works, rise)
+        return -Z[:, 0] - Z[:, 1 : 1 + G] @ change + by_actuation, change
 
     def work(self, point: PathPoint[Any], step: tuple[Array, Array]) -> float:
         return self.system.work(point, step, self.target)
 
     def moved(self, point: PathPoint[Any], step: tuple[Array, Array], length: float) -> PathPoint[Any] | None:
         return self.system.evaluate(point.x + length * self.system.step(*step), self.target.actuation)
+
+
+def times(slopes: Array, change: Levels) -> Array:
+    """Slopes by the actuation, (…) or (…, m), times its change, a number or (m,)."""
+    return np.asarray(slopes * change if np.ndim(change) == 0 else slopes @ change)

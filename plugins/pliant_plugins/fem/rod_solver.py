@@ -14,6 +14,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.mechanics.rotations import exp_map, left_jacobian
+from pliant.records.actuation import Levels, kind_of
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, TOUCHING, FemState, ModuleProblem
 from pliant_plugins.fem.newton import Control, DivergedError, FemEquilibrium, Newton, SingularMatrixError
@@ -43,16 +44,21 @@ class RodSolver(ModuleSolver):
     def rest(self) -> FemState:
         """The undeformed state with its slopes."""
         begun = time.perf_counter()
-        return self._state(self._at(self._undeformed(), 0.0), (), begun)
+        return self._state(self._at(self._undeformed(), self._unactuated), (), begun)
 
-    def free(self, actuation: float, start: FemState) -> FemState:
+    @property
+    def _unactuated(self) -> Levels:
+        m = len(self.problem.actuations)
+        return 0.0 if m == 1 else np.zeros(m)
+
+    def free(self, actuation: Levels, start: FemState) -> FemState:
         """Equilibrium at `actuation` (Pa or N) without external effort.
 
         From a constrained start the external effort is released along with the change of actuation.
         """
         return self._solve(actuation, {}, start)
 
-    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
+    def constrained(self, actuation: Levels, held: Held, start: FemState) -> FemState:
         """Equilibrium at `actuation` (Pa or N) with some of the module's coordinates held, rad or m."""
         named = held if isinstance(held, Mapping) else {self.problem.main_axis: held}
         for axis in named:
@@ -61,8 +67,9 @@ class RodSolver(ModuleSolver):
                 raise UserError(f"the held axis '{axis}' is none of this module's: {known}.")
         return self._solve(actuation, {axis: float(value) for axis, value in named.items()}, start)
 
-    def _solve(self, actuation: float, held: Mapping[str, float], start: FemState) -> FemState:
+    def _solve(self, actuation: Levels, held: Mapping[str, float], start: FemState) -> FemState:
         begun = time.perf_counter()
+        actuation = self._as_levels(actuation)
         try:
             here = self._at(start.solution, start.actuation)
             G = self.newton.system.count
@@ -72,21 +79,36 @@ class RodSolver(ModuleSolver):
                     mask[place], goal[place] = True, held[axis] / scale
             equilibrium = self.newton.advance(here, Control(actuation, mask, goal, np.zeros(G)))
         except (DivergedError, SingularMatrixError) as error:
-            unit = "N" if self.problem.actuation == "tendon_force_n" else "Pa"
             before = dict(zip(self.problem.axes, start.deformation, strict=True))
             raise StateNotConvergedError(
-                f"no {'constrained' if held else 'free'} equilibrium at {actuation:.6g} {unit}{self._named(held)} "
-                f"from the state at {start.actuation:.6g} {unit}{self._named(before)}: {error}."
+                f"no {'constrained' if held else 'free'} equilibrium at {self._driven(actuation)}{self._named(held)} "
+                f"from the state at {self._driven(start.actuation)}{self._named(before)}: {error}."
             ) from error
         self._known.append(equilibrium)
         return self._state(equilibrium, tuple(held), begun)
+
+    def _as_levels(self, actuation: Levels) -> Levels:
+        """A number, or (m,) floats. Raises `UserError` for another number of them than the module has."""
+        names = self.problem.actuations
+        given = 1 if np.ndim(actuation) == 0 else len(actuation)
+        if given != len(names):
+            chambers = "input is" if given == 1 else "inputs are"
+            raise UserError(
+                f"{given} {chambers} given, and the module has {len(names)}: {self.problem.actuation}."
+            )
+        return actuation if len(names) == 1 else np.array(actuation, float)
+
+    def _driven(self, actuation: Levels) -> str:
+        """ "12000 Pa", of several "12000 Pa, 0 Pa"."""
+        values = zip(self.problem.actuations, np.atleast_1d(actuation).tolist(), strict=True)
+        return ", ".join(f"{value:.6g} {kind_of(name).unit}" for name, value in values)
 
     def _named(self, held: Mapping[str, float]) -> str:
         unit = "m" if self.problem.joint == "prismatic" else "rad"
         values = ", ".join(f"{axis} = {value:.4g} {unit}" for axis, value in held.items())
         return f" and {values}" if held else ""
 
-    def _at(self, x: Array, actuation: float) -> FemEquilibrium:
+    def _at(self, x: Array, actuation: Levels) -> FemEquilibrium:
         """The equilibrium at x, factorised anew unless it is remembered."""
         count = len(self._undeformed())
         if x.shape != (count,):
@@ -95,7 +117,7 @@ class RodSolver(ModuleSolver):
                 "backend."
             )
         for known in self._known:
-            if known.point.actuation == actuation and np.array_equal(known.point.x, x):
+            if np.array_equal(known.point.actuation, actuation) and np.array_equal(known.point.x, x):
                 return known
         equilibrium = self.newton.at(np.array(x), actuation)
         self._known.append(equilibrium)
@@ -136,10 +158,10 @@ class RodSolver(ModuleSolver):
             actuation=point.actuation,
             deformation=self._coordinates(point.x),
             tau=energy / scales * efforts[list(self._places)],
-            dtau_dp=energy / scales * by_actuation,
+            dtau_dp=(energy / scales * by_actuation.T).T,
             dtau_du=energy / np.outer(scales, scales) * by_axes,
             energy_j=energy * point.energy.value,
-            travel=energy * (point.travel.value - self._travel_at_rest),
+            travel=energy * (point.travel - self._travel_at_rest),
             axial_strain=self._frame(point.x)[1],
             branch="constrained" if held else "free",
             status=self._status(point.x),
@@ -151,10 +173,10 @@ class RodSolver(ModuleSolver):
         )
 
     @cached_property
-    def _travel_at_rest(self) -> float:
-        point = self.newton.system.evaluate(self._undeformed(), 0.0)
+    def _travel_at_rest(self) -> Levels:
+        point = self.newton.system.evaluate(self._undeformed(), self._unactuated)
         assert point is not None  # the mesh is sound
-        return float(point.travel.value)
+        return point.travel
 
     def _coordinates(self, x: Array) -> Array:
         """u of the module by axis, (k,)."""

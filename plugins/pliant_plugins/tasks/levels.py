@@ -134,8 +134,11 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
     for number, (joint, q) in enumerate(zip(chain.joints, found.joint_angles, strict=True), start=1):
         law = chain.laws[joint.law]
         box = law.domain.deformation
-        for actuator in chain.actuators:
-            excess = law.domain.excess(np.zeros(1), q[None] @ actuator.turn(len(q)))[0, 1:]
+        several = len(law.actuations)
+        acting = chain.actuators[slice(*chain.drives_of(joint))]
+        for actuator in acting if several == 1 else acting[:1]:
+            turned = q[None] @ actuator.turn(len(q))
+            excess = law.domain.excess(law.unactuated(1), turned)[0, several:]
             far = np.abs(excess) / np.ptp(box, axis=1)
             if far.max() > FAR_WIDTHS:
                 return f"is held by no data: joint {number} stands {100 * far.max():.0f} % of its law's range outside"

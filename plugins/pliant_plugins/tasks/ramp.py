@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pliant.errors import UserError
+from pliant.interfaces.input_levels import InputLevels
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import Task, TaskConfig
+from pliant.records.actuation import kind_of
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Force, Mass, Pressure
@@ -18,19 +20,41 @@ from pliant_plugins.tasks.levels import MEASURED, Level, result_of, settle_level
 
 
 class ActuatedConfig(TaskConfig):
-    """Actuation of a task: a pressure or a tendon force."""
+    """Actuation of a task: a pressure, a tendon force, or a value for each of several inputs."""
 
     pressure_pa: Pressure | None = Field(default=None, description="full pressure; this or tendon_force")
     tendon_force_n: Force | None = Field(default=None, description="full tendon force; this or pressure")
+    inputs: InputLevels = Field(
+        default_factory=dict,
+        description="instead: full value of each input, e.g. {pressure_1_pa: 15 kPa, pressure_2_pa: 5 kPa}; 0 for "
+        "those that are not named",
+    )
 
     @model_validator(mode="after")
     def _one_drive(self) -> ActuatedConfig:
-        if (self.pressure_pa is None) == (self.tendon_force_n is None):
-            raise ValueError("give exactly one of 'pressure' and 'tendon_force'")
+        given = (self.pressure_pa is not None, self.tendon_force_n is not None, bool(self.inputs))
+        if sum(given) != 1:
+            raise ValueError("give exactly one of 'pressure' and 'tendon_force', or 'inputs'")
         return self
 
+    def canonical(self) -> dict[str, Any]:
+        """Without `inputs` where none are given, as keys of earlier results are."""
+        return {name: value for name, value in super().canonical().items() if name != "inputs" or value}
+
     def actuation(self, chain: ChainModel) -> dict[str, float]:
-        """Full value of every input of the chain; see `driven`."""
+        """Full value of every input of the chain; see `driven`.
+
+        Raises:
+            UserError: the chain has no such input.
+        """
+        if self.inputs:
+            known = dict.fromkeys((actuator.input for actuator in chain.actuators), 0.0)
+            unknown = [name for name in self.inputs if name not in known]
+            if unknown:
+                raise UserError(
+                    f"the task drives {', '.join(unknown)}, and the chain's inputs are {', '.join(known)}: name these."
+                )
+            return {**known, **self.inputs}
         if self.pressure_pa is not None:
             return driven(chain, "pressure_pa", self.pressure_pa)
         return driven(chain, "tendon_force_n", self.tendon_force_n or 0.0)
@@ -81,7 +105,7 @@ def ramp_levels(
     shares = np.linspace(0.0, 1.0, config.steps) if config.steps > 1 else np.ones(1)
     force = np.array(tip_force_n, float)
     name, most = max(full.items(), key=lambda item: abs(item[1]))
-    factor, unit = (1e3, "kPa") if name.endswith("_pa") else (1.0, "N")
+    factor, unit = (1e3, "kPa") if name.endswith("_pa") else (1.0, kind_of(name).unit)
     return [
         Level(
             share,

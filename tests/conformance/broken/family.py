@@ -151,6 +151,7 @@ posed("supports_hold_the_body", fixed={"start": (0,), "end": (0,), "symmetry": (
 broken("couplings_are_possible", problem=_tied_to_itself)
 broken("smaller_pieces_are_of_the_same_module", problem=_half_forgotten)
 broken("refinement_refines", problem=lambda up, self, *a, **k: up(1))
+broken("refinement_refines", refines=False)
 posed("piece_fits_the_module", deformation_scale=4.0)
 posed("axes_fit_the_joint", main_axis="z")
 broken("mass_is_that_of_the_mesh", mass=lambda up, self, density: up(density / 2))

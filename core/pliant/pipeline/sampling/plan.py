@@ -21,6 +21,7 @@ from pliant.execution.progress import Progress
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.pipeline.sampling.adaptive import Box, check_error, refine
+from pliant.pipeline.sampling.several import SeveralPlan
 from pliant.pipeline.sampling.strategies import (
     box_of_angles,
     check_targets,
@@ -33,6 +34,7 @@ from pliant.pipeline.sampling.strategies import (
     trusted_box,
 )
 from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling, Saved, Target, Walk, levels
+from pliant.records.actuation import Levels
 from pliant.records.fem import FemState, Role
 
 # States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
@@ -45,7 +47,7 @@ CHECKS = 2  # check states of each lateral axis, on the side that is not fitted
 def sample(
     pieces: Sequence[Piece],
     config: FemConfig,
-    limit: float,
+    limit: Levels,
     partial: Path,
     progress: Progress,
     loads: Mapping[str, StudyLoads] | None = None,
@@ -55,7 +57,7 @@ def sample(
     Args:
         pieces: that of the main axis and, for a module of several axes, that of all axes.
         config: `sampling` names the strategy.
-        limit: the largest actuation, Pa or N.
+        limit: the largest actuation, Pa or N; (m,) of several.
         partial: finished states are kept there.
         progress: hears of the states.
         loads: by axis, of `sampling: study`.
@@ -65,9 +67,12 @@ def sample(
     """
     saved = Saved(partial, progress.note)
     by_name = {piece.name: piece for piece in pieces}
-    plan = _Plan(config, limit, loads or {}, by_name)
+    several = np.ndim(limit) > 0
+    plan = SeveralPlan(config, limit) if several else _Plan(config, limit, loads or {}, by_name)
     bar = progress.begin("FEM states", max(plan.estimate(), len(saved)), done=len(saved))
-    walk = Walk(by_name, saved, bar, passing=config.self_contact == "pass")
+    walk = Walk(
+        by_name, saved, bar, passing=config.self_contact == "pass", inputs=len(limit) if several else 1
+    )
     try:
         summary = plan.carry_out(walk)
         bar.expect(len(saved))

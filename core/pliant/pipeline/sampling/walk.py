@@ -14,6 +14,7 @@ import numpy as np
 
 from pliant.execution.progress import ProgressBar
 from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
+from pliant.records.actuation import Levels
 from pliant.records.design import Array
 from pliant.records.fem import PASSED, SELF_CONTACT, Branch, Closing, FemState, Role
 from pliant.store.store import (
@@ -36,7 +37,7 @@ class Target:
 
     Attributes:
         branch: "free" has neither `held` nor `effort`.
-        actuation: Pa or N.
+        actuation: Pa or N, a tuple of several.
         held: u by axis (rad or m); axes that are not named are free.
         effort: external effort on one axis by its name (N·m or N), instead of `held`.
         role: "check" is never fitted.
@@ -45,7 +46,7 @@ class Target:
     """
 
     branch: Branch
-    actuation: float
+    actuation: Levels
     held: Mapping[str, float] = field(default_factory=dict)
     effort: Mapping[str, float] = field(default_factory=dict)
     role: Role = "fit"
@@ -188,6 +189,7 @@ class Walk:
     failed: list[dict[str, object]] = field(default_factory=list)
     stops: list[Target] = field(default_factory=list)
     passing: bool = False  # what overlaps is let pass
+    inputs: int = 1  # how many actuations there are
 
     def of(self, piece: str) -> list[Sampled]:
         """What was solved on one piece."""
@@ -195,7 +197,8 @@ class Walk:
 
     def rest(self, piece: str = MAIN, explored: str = "") -> FemState:
         """The undeformed state of a piece."""
-        target = Target("free", 0.0, explored=explored, piece=piece)
+        actuation = 0.0 if self.inputs == 1 else (0.0,) * self.inputs
+        target = Target("free", actuation, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
         return self._kept(name, target, self.pieces[piece].solver.rest)
 
@@ -256,6 +259,8 @@ class Walk:
         """The solved state closest in actuation and in what the target holds, both by what has been covered."""
         states = [one.state for one in self.of(target.piece)]
         wanted = target.effort or target.held
+        if self.inputs > 1:
+            return self._nearest_of_several(target, states)
         if not wanted:
             below = [s for s in states if s.actuation <= target.actuation] or states
             return max(below, key=lambda s: (s.actuation, s.branch == "free"))
@@ -270,3 +275,16 @@ class Walk:
             column = values[:, self.pieces[target.piece].axes.index(name)]
             distance = distance + ((column - value) / width(np.append(column, value))) ** 2
         return states[int(np.argmin(distance))]
+
+    def _nearest_of_several(self, target: Target, states: list[FemState]) -> FemState:
+        """The same under several actuations; a free target's own place is not known, and actuations alone count."""
+        at = np.array([np.asarray(s.actuation, float) for s in states])
+        wanted = np.asarray(target.actuation, float)
+        if target.held:
+            axes = self.pieces[target.piece].axes
+            places = [axes.index(name) for name in target.held]
+            at = np.column_stack([at, np.array([s.deformation[places] for s in states])])
+            wanted = np.append(wanted, [*target.held.values()])
+        width = np.ptp(np.vstack([at, wanted]), axis=0)
+        apart = (at - wanted) / np.where(width > 0, width, 1.0)
+        return states[int(np.argmin(np.sum(apart**2, axis=1)))]

@@ -78,7 +78,7 @@ def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePi
     turn = rotation(wanted.along, wanted.up)
     nodes, file, cells = _quadratic(file, UNITS[wanted.unit] * file.nodes @ turn.T)
     require_unit(nodes, wanted.unit, file.name)
-    poor = require_sound(nodes, cells, file.name)
+    poor = require_sound(nodes, cells, file.nodes[file.cells].mean(axis=1), file.name)
     skin = Skin.of(nodes, cells)
     roles = {"base": wanted.base, "tip": wanted.tip, "cavity": wanted.cavity}
     if wanted.symmetry is not None:
@@ -88,7 +88,7 @@ def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePi
     nodes, span, lower = _placed(nodes, skin, chosen, wanted)
     sets = _node_sets(nodes, span, wanted.symmetry is not None)
     planes = [np.isin(np.arange(len(nodes)), sets[name]) for name in PLANES if name in sets]
-    require_watertight(nodes, skin, chosen[wanted.cavity], planes, wanted.cavity)
+    require_watertight(file.nodes, skin, chosen[wanted.cavity], planes, wanted.cavity)
     wetted = np.sort(skin.corners[chosen[wanted.cavity]], axis=1)
     if lower:
         nodes, cells = mirrored_y(nodes, cells)

@@ -1,86 +1,116 @@
 """Mesh files from CAD with Netgen, which comes with ngsolve (LGPL): `pip install 'pliant[ngsolve]'`.
 
-    from netgen.occ import OCCGeometry
-    from pliant_plugins.families.mesh_file.netgen import write_mesh
-
-    finger = OCCGeometry("finger.step").shape
-    finger.faces.Min(X).name, finger.faces.Max(X).name = "base", "tip"
-    write_mesh(finger, "finger.msh", largest=2.0)
-
-Names of faces become names of surfaces, those of solids become names of volumes.
+A face gets its name from the CAD shape (`face.name = "base"`) or from a function of the points on it. Names of solids
+become names of volumes. `docs/your_cad_file.md` goes through it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.records.design import Array
 from pliant.report.vtu import require_meshio
 from pliant_plugins.native import torch_first
 
 UNNAMED = ("", "default")
+Naming = Callable[[Array], str | None]
+# meshio's names of cells, and Netgen's nodes in their order: Netgen's tetrahedra are left-handed.
+KINDS = {4: "tetra", 10: "tetra10", 3: "triangle", 6: "triangle6"}
+SOLID_ORDER, FACE_ORDER = (1, 0, 2, 3, 4, 5, 7, 8, 6, 9), (0, 1, 2, 5, 3, 4)
 
 
-def write_mesh(shape: Any, path: str | Path, largest: float, order: int = 2, grading: float = 0.3) -> Path:
-    """Mesh a `netgen.occ` shape with tetrahedra and write it with its names: a gmsh .msh file.
+def mesh_cad(
+    source: str | Path | Any,
+    path: str | Path,
+    largest: float,
+    name: Naming | None = None,
+    order: int = 2,
+    grading: float = 0.3,
+) -> Path:
+    """Mesh a body with tetrahedra and write it with its names: a gmsh .msh file.
 
     Args:
-        shape: the solid, its faces named (`face.name = "base"`); lengths are the CAD file's.
-        path: of the file, with the suffix .msh.
-        largest: largest edge of a cell, in the shape's unit.
+        source: a STEP or STL file, or a `netgen.occ` shape; lengths are those of the CAD program.
+        path: of the mesh, with the suffix .msh.
+        largest: largest edge of a cell, in the source's unit.
+        name: from the points (n, 3) on a face to its name, None for the name that the shape gave it. An STL file's
+            faces end at its sharp edges.
         order: 2 for curved cells, 1 for straight ones.
         grading: how fast cells grow away from fine detail, 0 to 1.
 
     Raises:
-        UserError: no .msh file, a shape without named faces.
+        UserError: no such file, another suffix than these, a body without named faces, one that Netgen cannot mesh.
     """
     path = Path(path)
     if path.suffix.lower() != ".msh":
         raise UserError(f"'{path.name}': meshes are written as gmsh files; end the name with .msh.")
-    torch_first()
-    from netgen.occ import OCCGeometry
-
-    mesh = OCCGeometry(shape).GenerateMesh(maxh=largest, grading=grading)
+    geometry = _geometry(source)
+    try:
+        mesh = geometry.GenerateMesh(maxh=largest, grading=grading)
+    except Exception as error:  # Netgen's own exception has no public name
+        raise UserError(
+            f"Netgen could not mesh the body with edges up to {largest:g} ({error}); is it one closed solid?"
+        ) from error
     if order == 2:
         mesh.SecondOrder()
-    write_netgen(mesh, path)
+    write_netgen(mesh, path, name)
     return path
 
 
-def write_netgen(mesh: Any, path: Path) -> None:
+def _geometry(source: str | Path | Any) -> Any:
+    torch_first()
+    from netgen.occ import OCCGeometry
+    from netgen.stl import STLGeometry
+
+    if not isinstance(source, str | Path):
+        return OCCGeometry(source)
+    source = Path(source)
+    if not source.is_file():
+        raise UserError(f"CAD file '{source}' is no file.")
+    if source.suffix.lower() in (".step", ".stp"):
+        return OCCGeometry(str(source))
+    if source.suffix.lower() == ".stl":
+        return STLGeometry(str(source))
+    raise UserError(f"CAD file '{source.name}' is none of .step, .stp, .stl.")
+
+
+def write_netgen(mesh: Any, path: Path, name: Naming | None = None) -> None:
     """A `netgen.meshing.Mesh` with its names as a gmsh file. Raises `UserError` where no face has a name."""
     meshio = require_meshio()
     points = np.array([point.p for point in mesh.Points()], float)
-    solid, solid_groups = _cells(mesh.Elements3D(), "tetra", (1, 0, 2, 3, 4, 5, 7, 8, 6, 9))
-    faces, face_groups = _cells(mesh.Elements2D(), "triangle", (0, 1, 2, 5, 3, 4))
-    names = {(k, 2): mesh.GetBCName(k - 1) for k in np.unique(face_groups).tolist()}
-    names |= {(k, 3): mesh.GetMaterial(k) for k in np.unique(solid_groups).tolist()}
-    names = {key: name for key, name in names.items() if name not in UNNAMED}
-    if not any(dimension == 2 for _, dimension in names):
-        raise UserError("no face of the shape has a name; name them as in face.name = 'base'.")
+    solid, solid_groups = _cells(mesh.Elements3D(), SOLID_ORDER)
+    faces, face_groups = _cells(mesh.Elements2D(), FACE_ORDER)
+    names = {(3, k): mesh.GetMaterial(k) for k in np.unique(solid_groups).tolist()}
+    for k in np.unique(face_groups).tolist():
+        given = name(points[np.unique(faces[1][face_groups == k])]) if name else None
+        names[2, k] = given or mesh.GetBCName(k - 1)
+    names = {key: own for key, own in names.items() if own not in UNNAMED}
+    if not any(dimension == 2 for dimension, _ in names):
+        raise UserError("no face of the body has a name; name them as in face.name = 'base'.")
     # one number for each name: several faces may share one
-    tags = {name: tag for tag, name in enumerate(sorted({(d, n) for (_, d), n in names.items()}), start=1)}
+    pairs = sorted({(dimension, own) for (dimension, _), own in names.items()})
+    tags = {pair: tag for tag, pair in enumerate(pairs, start=1)}
     groups = [
-        np.array(
-            [tags.get((dimension, names.get((k, dimension), "")), 0) for k in members.tolist()], np.int64
-        )
-        for members, dimension in ((solid_groups, 3), (face_groups, 2))
+        np.array([tags.get((d, names.get((d, k), "")), 0) for k in members.tolist()], np.int64)
+        for members, d in ((solid_groups, 3), (face_groups, 2))
     ]
     out = meshio.Mesh(
         points,
         [solid, faces],
         cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
-        field_data={name: np.array([tag, dimension]) for (dimension, name), tag in tags.items()},
+        field_data={own: np.array([tag, dimension]) for (dimension, own), tag in tags.items()},
     )
     meshio.write(path, out, file_format="gmsh22", binary=False)
 
 
-def _cells(elements: Any, kind: str, order: tuple[int, ...]) -> tuple[tuple[str, Any], Any]:
+def _cells(elements: Any, order: tuple[int, ...]) -> tuple[tuple[str, Any], Any]:
     """meshio's block of the elements, and the number of each one's face or solid."""
     nodes = np.array([[point.nr - 1 for point in element.points] for element in elements], np.int64)
-    names = {"tetra": {4: "tetra", 10: "tetra10"}, "triangle": {3: "triangle", 6: "triangle6"}}
     groups = np.array([element.index for element in elements], np.int64)
-    return (names[kind][nodes.shape[1]], nodes[:, list(order[: nodes.shape[1]])]), groups
+    count = nodes.shape[1]
+    return (KINDS[count], nodes[:, list(order[:count])]), groups

@@ -27,12 +27,13 @@ def scaled_jacobians(nodes_m: Array, cells: IntArray) -> Array:
     return np.asarray((np.linalg.det(slopes) / np.maximum(lengths, np.finfo(float).tiny)).min(axis=1))
 
 
-def require_sound(nodes_m: Array, cells: IntArray, name: str) -> str | None:
+def require_sound(nodes_m: Array, cells: IntArray, places: Array, name: str) -> str | None:
     """Raise `InvalidDesignError` for a mesh that cannot be solved on; a sentence where it is only poor.
 
     Args:
         nodes_m: (n, 3), all of them used.
         cells: quadratic.
+        places: (m, 3) of the cells in the file.
         name: of the file.
     """
     quality = scaled_jacobians(nodes_m, cells)
@@ -43,7 +44,7 @@ def require_sound(nodes_m: Array, cells: IntArray, name: str) -> str | None:
             "with right-handed cells."
         )
     if len(inverted):
-        where = _place(nodes_m, cells, inverted)
+        where = _place(places, inverted)
         raise InvalidDesignError(
             f"{len(inverted)} of {len(cells)} cells of '{name}' are inverted, the first at {where}; "
             "use a finer mesh where curved walls are thin, or cells of first order."
@@ -52,7 +53,7 @@ def require_sound(nodes_m: Array, cells: IntArray, name: str) -> str | None:
     if len(flat):
         raise InvalidDesignError(
             f"{len(flat)} of {len(cells)} cells of '{name}' are flat (scaled Jacobian {quality.min():.2g}, at least "
-            f"{WORST:g} is needed), the first at {_place(nodes_m, cells, flat)}; let the mesher optimise "
+            f"{WORST:g} is needed), the first at {_place(places, flat)}; let the mesher optimise "
             "the volume mesh."
         )
     _require_one_body(nodes_m, cells, name)
@@ -65,8 +66,8 @@ def require_sound(nodes_m: Array, cells: IntArray, name: str) -> str | None:
     )
 
 
-def _place(nodes_m: Array, cells: IntArray, chosen: IntArray) -> str:
-    return "({:.4g}, {:.4g}, {:.4g}) mm".format(*(1e3 * nodes_m[cells[chosen[0]]].mean(axis=0)))
+def _place(places: Array, chosen: IntArray) -> str:
+    return "({:.4g}, {:.4g}, {:.4g}) in the file".format(*places[chosen[0]])
 
 
 def _require_one_body(nodes_m: Array, cells: IntArray, name: str) -> None:

@@ -93,12 +93,12 @@ def require_disjoint(chosen: Mapping[str, NDArray[np.bool_]], file: VolumeFile) 
 
 
 def require_watertight(
-    nodes_m: Array, skin: Skin, cavity: NDArray[np.bool_], planes: Sequence[NDArray[np.bool_]], name: str
+    places: Array, skin: Skin, cavity: NDArray[np.bool_], planes: Sequence[NDArray[np.bool_]], name: str
 ) -> None:
     """Raise `InvalidDesignError` where the cavity has an edge that no plane closes.
 
     Args:
-        nodes_m: in the module frame.
+        places: (n, 3) of the nodes in the file.
         skin: outer faces.
         cavity: (g,) which of them are wetted.
         planes: (n,) which nodes lie on each end section and mirror plane, where neighbours and mirror images go on.
@@ -111,15 +111,15 @@ def require_watertight(
     for on_plane in planes:
         loose = loose[~on_plane[loose].all(axis=1)]
     if len(loose):
-        at = "; ".join(_place(nodes_m[edge].mean(axis=0)) for edge in loose[:FEW])
+        at = "; ".join(_place(places[edge].mean(axis=0)) for edge in loose[:FEW])
         raise InvalidDesignError(
             f"the cavity '{name}' leaks: {len(loose)} edges of it belong to no second face of it and lie on no end "
-            f"section or symmetry plane, the first at {at}; add the faces that are missing to the surface."
+            f"section or symmetry plane, the first at {at} in the file; add the faces that are missing to the surface."
         )
 
 
 def _place(point: Array) -> str:
-    return "({:.4g}, {:.4g}, {:.4g}) mm".format(*(1e3 * point))
+    return "({:.4g}, {:.4g}, {:.4g})".format(*point)
 
 
 def _none(skin: Skin) -> NDArray[np.bool_]:

@@ -90,7 +90,9 @@ class NgsolveSystem:
             gradients = [self._applied(form) for form in (self.forms.stored, self.forms.worked)]
         if not (np.isfinite(energy) and all(np.all(np.isfinite(g)) for g in gradients)):
             return None
-        return PathPoint(x, actuation, Value(float(energy), gradients[0]), Value(float(travel), gradients[1]))
+        return PathPoint(
+            x, actuation, Value(float(energy), gradients[0]), (Value(float(travel), gradients[1]),)
+        )
 
     def reduce(self, point: PathPoint[Value]) -> Reduced:
         """Assemble, factorise and condense at a point. Raises `SingularMatrixError`."""
@@ -100,11 +102,11 @@ class NgsolveSystem:
         parts = [self._entries(form.mat, s) for form, s in zip(self._both, self._scatters, strict=True)]
         values, borders, corner = (a - point.actuation * b for a, b in zip(*parts, strict=True))
         n = len(self.elimination.first)
-        residual, work = point.residual, point.travel.gradient
+        residual, work = point.residual, point.travels[0].gradient
         solved = self._solve(values, np.column_stack([residual[:n], borders, work[:n]]))
         tail = np.column_stack([residual[n:], corner, work[n:]])
         full = tail - borders.T @ solved
-        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
+        return Reduced.of(solved, full, self.count)
 
     @property
     def _both(self) -> tuple[Any, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from pliant.interfaces.by_region import material_by_cell
 from pliant.interfaces.material import Material
+from pliant.records.actuation import kind_of
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.config import Dilatation
@@ -50,9 +51,13 @@ class Assembler:
         self.problem, self.material = problem, material_by_cell(mesh, material)
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
-        self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
+        self.cells = cell_data(mesh, dilatation)
+        wetted = [mesh.cavity]
+        if len(problem.actuations) > 1:
+            wetted = [mesh.cavities[name] for name in problem.actuations if name in mesh.cavities]
+        self.faces = tuple(face_data(faces) for faces in wetted)
         self.volume_m3 = float(self.cells.weight.sum())
-        groups = [_dofs(self.cells.nodes), _dofs(self.faces.nodes)]
+        groups = [_dofs(self.cells.nodes), *(_dofs(faces.nodes) for faces in self.faces)]
         held, v, pressure = constraints(problem, self.cells.pressure), mesh.nodes_m.size, self.cells.pressure
         count = 0 if pressure is None else pressure.count
         if pressure is not None:
@@ -67,13 +72,14 @@ class Assembler:
         )
         # the skin's nodes share cells: its group adds no entry to the matrix
         groups += [] if self.contact is None else [3 * self.contact.faces.nodes]
-        self.pattern, (self._cell_scatter, self._face_scatter, *self._skin_scatter) = sparsity(
-            held, groups, cellwise
-        )
+        self.pattern, (self._cell_scatter, *scatters) = sparsity(held, groups, cellwise)
+        self._face_scatters, self._skin_scatter = scatters[: len(self.faces)], scatters[len(self.faces) :]
         self._rise = _rise_of_end(problem)
         self._cell_rows, self._face_rows = self._operators()
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches
-        self._face_X = np.einsum("fa,qja->fqj", mesh.nodes_m[self.faces.nodes, 0], self.faces.slope)
+        self._face_X = [
+            np.einsum("fa,qja->fqj", mesh.nodes_m[faces.nodes, 0], faces.slope) for faces in self.faces
+        ]
 
     @property
     def count(self) -> int:
@@ -82,7 +88,7 @@ class Assembler:
 
     def _operators(self) -> tuple[Rows, Rows]:
         """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z, then volume and pressure."""
-        cells, faces = self.cells, self.faces
+        cells, faces = self.cells, self.faces[0]  # tables on the reference face are the same for all
         value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, cells.value.shape[1]))
         both = np.concatenate([cells.gradient, value], axis=2)
         y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
@@ -151,19 +157,27 @@ class Assembler:
         )
         return growth, pressure
 
-    def travel(self, x: Array) -> Terms:
-        """What the actuation works on: the piece's cavity (m³), or its share of the tendon drawn out (m)."""
-        return self.cavity(x) if self.problem.actuation == "pressure_pa" else self.tendon(x)
+    def travels(self, x: Array) -> tuple[Terms, ...]:
+        """What each actuation works on: a cavity of the piece (m³), or its share of the tendon drawn out (m)."""
+        found, place = [], 0
+        for name in self.problem.actuations:
+            if kind_of(name).name == "pressure_pa":
+                found.append(self.cavity(x, place))
+                place += 1
+            else:
+                found.append(self.tendon(x))
+        return tuple(found)
 
-    def cavity(self, x: Array) -> Terms:
-        """V (m³) of the piece's cavity."""
-        local = self.positions(x)[self.faces.nodes]
-        slopes = np.einsum("fai,qja->fqij", local, self.faces.slope)
-        rho = self._lateral(local, self.faces.value)
+    def cavity(self, x: Array, place: int = 0) -> Terms:
+        """V (m³) of one of the piece's cavities."""
+        faces = self.faces[place]
+        local = self.positions(x)[faces.nodes]
+        slopes = np.einsum("fai,qja->fqij", local, faces.slope)
+        rho = self._lateral(local, faces.value)
         k, strain = self.globals.curvature(x)
-        density = volume(self.globals, slopes, rho, self._face_X, k, strain)
-        weight = np.broadcast_to(self.faces.weight, rho.shape[:2])
-        return self._gather(x, density, weight, self._face_rows, self._face_scatter)
+        density = volume(self.globals, slopes, rho, self._face_X[place], k, strain)
+        weight = np.broadcast_to(faces.weight, rho.shape[:2])
+        return self._gather(x, density, weight, self._face_rows, self._face_scatters[place])
 
     def tendon(self, x: Array) -> Terms:
         """The piece's share of the tendon drawn out, w = (deformation_scale / energy_scale) W.

@@ -9,6 +9,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
 from pliant.interfaces.material import Material, require_regions
+from pliant.records.actuation import Levels, kind_of
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
@@ -35,23 +36,26 @@ class ModuleSystem:
         """Number G of the active globals."""
         return self.assembler.globals.count
 
-    def evaluate(self, x: Array, actuation: float) -> PathPoint[Terms] | None:
+    def evaluate(self, x: Array, actuation: Levels) -> PathPoint[Terms] | None:
         """U and W to second order at x; None where a cell is inverted."""
         if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
         energy = self.assembler.elastic_energy(x)
-        return None if energy is None else PathPoint(x, actuation, energy, self.assembler.travel(x))
+        return None if energy is None else PathPoint(x, actuation, energy, self.assembler.travels(x))
 
     def reduce(self, point: PathPoint[Terms]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
-        potential, G = point.energy.plus(-point.actuation, point.travel), self.count
-        columns = np.column_stack([potential.gradient, potential.border, point.travel.gradient])
+        potential, G = point.energy, self.count
+        for level, travel in zip(np.atleast_1d(point.actuation).tolist(), point.travels, strict=True):
+            potential = potential.plus(-level, travel)
+        works = [travel.gradient for travel in point.travels]
+        columns = np.column_stack([potential.gradient, potential.border, *works])
         reduced = self.assembler.pattern.reduce(columns[:-G])
         solved = self.linear.solve(potential.matrix, reduced)
         if not np.all(np.isfinite(solved)):
             raise SingularMatrixError("the tangent stiffness is singular")
-        full = columns[-G:] - reduced[:, 1:-1].T @ solved
-        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
+        full = columns[-G:] - reduced[:, 1 : 1 + G].T @ solved
+        return Reduced.of(solved, full, G)
 
     def step(self, inner: Array, globals_: Array) -> Array:
         """The change of x."""
@@ -120,8 +124,10 @@ class SkfemSolver(RodSolver):
         return module_fields(self.assembler, state.solution, self.deformed_nodes(state))
 
     def cavity_volume(self, state: FemState) -> float:
-        """Volume (m³) of the whole module's cavity."""
-        return self.problem.energy_scale * self.assembler.cavity(state.solution).value
+        """Volume (m³) of the whole module's cavities."""
+        places = range(len(self.assembler.faces))
+        volumes = [self.assembler.cavity(state.solution, place).value for place in places]
+        return self.problem.energy_scale * float(sum(volumes))
 
     def _touching(self, x: Array) -> Touch | None:
         contact = self.assembler.contact
@@ -142,24 +148,38 @@ class SkfemSolver(RodSolver):
         return section
 
 
+def _check_driven(problem: ModuleProblem) -> None:
+    """Raise `UserError` for what drives the module and is neither a pressure in a cavity nor the tendon."""
+    names = problem.actuations
+    for name in names:
+        kind = kind_of(name).name
+        if kind not in ("pressure_pa", "tendon_force_n"):
+            raise UserError(
+                f"fem 'skfem' solves modules driven by 'pressure_pa' or 'tendon_force_n', not '{name}'."
+            )
+        if kind == "tendon_force_n" and problem.tendon is None:
+            raise UserError(f"a module driven by '{name}' needs its tendon; the problem has none.")
+        if kind == "pressure_pa" and len(names) > 1 and name not in problem.mesh.cavities:
+            known = ", ".join(problem.mesh.cavities) or "none"
+            raise UserError(f"the module has no cavity for '{name}'; its mesh names the cavities {known}.")
+    if sum(kind_of(name).name == "tendon_force_n" for name in names) > 1:
+        raise UserError(f"fem 'skfem' solves modules of one tendon, and this one has {problem.actuation}.")
+
+
 class Skfem(FEMBackend):
     """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
-    knows = frozenset({"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact"})
+    knows = frozenset(
+        {"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact", "several_actuations"}
+    )
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
         self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
-        if problem.actuation not in ("pressure_pa", "tendon_force_n"):
-            raise UserError(
-                f"fem 'skfem' solves modules driven by 'pressure_pa' or 'tendon_force_n', "
-                f"not '{problem.actuation}'."
-            )
-        if problem.actuation == "tendon_force_n" and problem.tendon is None:
-            raise UserError("a module driven by 'tendon_force_n' needs its tendon; the problem has none.")
+        _check_driven(problem)
         return SkfemSolver(self.config, problem, material)
 
     def structure(self, problem: StructureProblem, material: Material) -> SkfemStructure:

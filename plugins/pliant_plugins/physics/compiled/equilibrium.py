@@ -354,17 +354,24 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _leaves_domain(boxes, signs, p, q, by_q):  # type: ignore[no-untyped-def]
+def _leaves_domain(boxes, signs, drives, p, q, by_q):  # type: ignore[no-untyped-def]
     """Whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
     n, a = q.shape
     block, factor = np.empty((a, a)), np.empty((a, a))
+    rows = boxes.shape[1] - a
     for i in range(n):
-        for k in range(len(signs)):
-            if not boxes[i, 0, 0] - DOMAIN_ROUNDING <= p[k] <= boxes[i, 0, 1] + DOMAIN_ROUNDING:
+        first, last, m = drives[i, 0], drives[i, 1], drives[i, 2]
+        for k in range(first, last):
+            own = rows - m + (k - first if m > 1 else 0)
+            if not boxes[i, own, 0] - DOMAIN_ROUNDING <= p[k] <= boxes[i, own, 1] + DOMAIN_ROUNDING:
                 return True
             for b in range(a):
                 u = signs[k] * q[i, b]
-                if not boxes[i, 1 + b, 0] - DOMAIN_ROUNDING <= u <= boxes[i, 1 + b, 1] + DOMAIN_ROUNDING:
+                if (
+                    not boxes[i, rows + b, 0] - DOMAIN_ROUNDING
+                    <= u
+                    <= boxes[i, rows + b, 1] + DOMAIN_ROUNDING
+                ):
                     return True
         for b in range(a):
             for e in range(a):
@@ -402,5 +409,5 @@ def settle(body, laws, boxes, loads, q, markers, options):  # type: ignore[no-un
             break
     copy_rows(frame[0], markers)
     copy(frame[4][n], markers[n + 1])
-    outside = _leaves_domain(boxes, laws[3], loads[0], q, frame[7])
+    outside = _leaves_domain(boxes, laws[3], laws[4], loads[0], q, frame[7])
     return converged, stable, size, iterations, outside

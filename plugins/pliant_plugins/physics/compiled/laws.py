@@ -21,6 +21,8 @@ from pliant.records.term import LawTerm, numbers_of
 _F, _A, _M = types.float64, types.float64[::1], types.float64[:, ::1]
 # Of a law: actuation, u, parameters, and what it fills: τ, ∂τ/∂p, ∂τ/∂u.
 LAW_SIGNATURE = types.void(_F, _A, _A, _A, _A, _M)
+# The same of a law of several actuations: all of them, …, ∂τ_i/∂a_j in a row.
+WIDE_SIGNATURE = types.void(_A, _A, _A, _A, _A, _M)
 # Of a law term: u, rate, duration of the step, net input, temperature, old and new memory, parameters.
 TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
 # The roles of law terms, as the compiled loops number them.
@@ -133,14 +135,19 @@ class CompiledLaws:
         addresses: (n,) int64, the compiled law function of each joint; they live as long as the process.
         spans: (n, 2) int64, first and last (exclusive) of each joint's parameters.
         parameters: (P,) of all laws, one after another; joints with the same law share them.
-        signs: (k,) of the actuators: τ = Σ_k s_k law(p_k, s_k q).
-        boxes: (n, 1 + a, 2) the domain of each joint's law: actuation, then deformations, low and high.
+        signs: (k,) of the actuators: τ = Σ_k s_k [law(p_k, s_k q) − r law(0, s_k q)].
+        drives: (n, 3) int64, first and last (exclusive) actuator of each joint, and how many its law takes at once.
+        less: (n,) r, see `ScalarLaw`.
+        boxes: (n, m + a, 2) the domain of each joint's law: actuations, then deformations, low and high; rows of
+            actuations that a law does not have repeat its first.
     """
 
     addresses: Any
     spans: Any
     parameters: Array
     signs: Array
+    drives: Any
+    less: Array
     boxes: Array
 
     @staticmethod
@@ -156,27 +163,43 @@ class CompiledLaws:
             return None
         ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
         spans = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64)
-        addresses = np.array([law_address(scalar.function) for scalar in known], np.int64)
-        boxes = [np.vstack([law.domain.actuation, law.domain.deformation]) for law in chain.laws]
+        counts = [len(law.actuations) for law in chain.laws]
+        addresses = np.array(
+            [law_address(s.function, count) for s, count in zip(known, counts, strict=True)], np.int64
+        )
+        most = max(counts)
+        boxes = [
+            np.vstack([np.tile(law.domain.box[:1], (most - count, 1)), law.domain.box])
+            for law, count in zip(chain.laws, counts, strict=True)
+        ]
+        drives = [(*chain.drives_of(joint), counts[joint.law]) for joint in chain.joints]
+        less = np.array([scalar.less_rest for scalar in known])
         of_joint = np.array([joint.law for joint in chain.joints])
         return CompiledLaws(
             np.ascontiguousarray(addresses[of_joint]),
             np.ascontiguousarray(spans[of_joint]),
             np.concatenate([np.asarray(scalar.parameters, float) for scalar in known]),
             np.array([actuator.sign for actuator in chain.actuators], float),
+            np.array(drives, np.int64),
+            np.ascontiguousarray(less[of_joint]),
             np.ascontiguousarray(np.array(boxes, float)[of_joint]),
         )
 
     @property
-    def arrays(self) -> tuple[Any, Any, Array, Array]:
-        """What `efforts` takes: addresses, spans, parameters, signs."""
-        return self.addresses, self.spans, self.parameters, self.signs
+    def arrays(self) -> tuple[Any, Any, Array, Array, Any, Array]:
+        """What `efforts` takes: addresses, spans, parameters, signs, drives, less."""
+        return self.addresses, self.spans, self.parameters, self.signs, self.drives, self.less
 
 
-def law_address(function: Any) -> int:
+def law_address(function: Any, actuations: int = 1) -> int:
     """Address of the compiled form of a law's scalar function, compiled once in a process and kept on disk.
+
+    Args:
+        function: of a `ScalarLaw`.
+        actuations: how many the law has.
 
     Raises:
         UserError: it cannot be compiled.
     """
-    return int(compile_function(function, LAW_SIGNATURE, "law").address)
+    signature = LAW_SIGNATURE if actuations == 1 else WIDE_SIGNATURE
+    return int(compile_function(function, signature, "law").address)

@@ -25,7 +25,7 @@ from numba.extending import intrinsic
 from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import efforts
-from pliant_plugins.physics.compiled.terms import combine, net_input
+from pliant_plugins.physics.compiled.terms import combine, net_of_joint
 
 # Below this angle d cancels; its series to θ⁶ is then exact to rounding.
 SMALL_ANGLE = 0.1
@@ -107,9 +107,10 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
     """
     p, temperature = now
     n, a = q.shape
-    net, states = net_input(laws[3], p), len(old) // (n * a)
+    states = len(old) // (n * a)
     values, slopes, bent = np.empty((n, a, 4)), np.empty((n, a, 4)), q.copy()
     for i in range(n):
+        net = net_of_joint(laws[3], laws[4], i, p)
         for b in range(a):
             at = (i * a + b) * states
             known = (before[i, b], dt, net, temperature, old, at, new, at)
@@ -201,12 +202,20 @@ def drive_arms(laws, arms, axes, p, moments, plain, dt, qpos, force, damping):  
         p, moments: (m, k) and (m,): values of the actuators and end moment of each arm.
         qpos, force, damping: of the whole model; velocities matter to law terms only.
     """
-    addresses, spans, parameters, signs = laws
+    addresses, spans, parameters, signs, drives, less = laws
     terms = (np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty(0), 0)
     for k in range(len(arms)):
         first, last, at, dof, ball = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3], arms[k, 4] > 0
         n, a = last - first, 3 if ball else 1
-        own, dofs = (addresses[first:last], spans[first:last], parameters, signs), slice(dof, dof + a * n)
+        own = (
+            addresses[first:last],
+            spans[first:last],
+            parameters,
+            signs,
+            drives[first:last],
+            less[first:last],
+        )
+        dofs = slice(dof, dof + a * n)
         views = (qpos[at : at + (4 if ball else 1) * n], force[dofs], force[dofs], damping[dofs])
         now, still = (p[k], moments[k], 0.0), (np.zeros((n, a)), np.zeros(0))
         drive(own, terms, (ball, axes[k], arms[k, 5]), views, now, (dt, plain, 1.0), np.zeros(n), still)
@@ -221,8 +230,8 @@ def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-
     n, a = before.shape
     q, new, each = np.empty((n, a)), states.copy(), len(states) // (n * a)
     coordinates(qpos, ball, axes, q)
-    net = net_input(laws[3], p)
     for i in range(n):
+        net = net_of_joint(laws[3], laws[4], i, p)
         for b in range(a):
             at = (i * a + b) * each
             combine(terms, i, q[i, b], before[i, b], dt, net, temperature, states, at, new, at)

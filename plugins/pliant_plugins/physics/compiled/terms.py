@@ -70,3 +70,12 @@ def net_input(signs, p):  # type: ignore[no-untyped-def]
     for k in range(len(signs)):
         net += signs[k] * p[k]
     return net
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def net_of_joint(signs, drives, i, p):  # type: ignore[no-untyped-def]
+    """The sum of the signed inputs that act on joint i."""
+    net = 0.0
+    for k in range(drives[i, 0], drives[i, 1]):
+        net += signs[k] * p[k]
+    return net

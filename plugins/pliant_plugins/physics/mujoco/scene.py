@@ -317,4 +317,7 @@ def _joined(joints: Sequence[ChainJoints]) -> Any:
     before = np.cumsum([0, *(len(laws[2]) for laws in known)])
     spans = [laws[1] + start for laws, start in zip(known, before, strict=False)]
     join = np.concatenate
-    return join([k[0] for k in known]), join(spans), join([k[2] for k in known]), known[0][3]
+    return (
+        *(join([k[0] for k in known]), join(spans), join([k[2] for k in known]), known[0][3]),
+        *(join([k[4] for k in known]), join([k[5] for k in known])),
+    )

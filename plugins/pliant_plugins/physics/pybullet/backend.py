@@ -163,9 +163,16 @@ class PublishedSimulation(BulletSimulation):
         n, a = q.shape
         tau = np.zeros((n, a))
         for i in range(n):
-            law = self.chain.laws[self.chain.joints[i].law]
+            joint = self.chain.joints[i]
+            law = self.chain.laws[joint.law]
+            actuators = self.chain.actuators[slice(*self.chain.drives_of(joint))]
+            if len(law.actuations) > 1:
+                values = np.array([[loads.actuation[actuator.input] for actuator in actuators]])
+                for axis in range(a):
+                    tau[i, axis] = law.evaluate(values, q[i : i + 1]).tau[0, axis]
+                continue
             for axis in range(a):
-                for actuator in self.chain.actuators:
+                for actuator in actuators:
                     pressure = np.array([loads.actuation[actuator.input]])
                     turn = actuator.turn(a)
                     tau[i, axis] += turn[axis] @ law.evaluate(pressure, q[i : i + 1] @ turn).tau[0]

@@ -209,8 +209,12 @@ class Quasistatic(PhysicsBackend):
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:
-        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path."""
-        if chain.laws[0].joint != "revolute":
+        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path.
+
+        Its tables of laws are over one actuation, which all joints share.
+        """
+        apart = any(joint.drives for joint in chain.joints)
+        if chain.laws[0].joint != "revolute" or apart or any(len(law.actuations) > 1 for law in chain.laws):
             return step_through(self.build, chain, histories, towards, self.config.longest_step_s)
         if self._follower is None:
             from pliant_plugins.physics.quasistatic.histories import HingeFollower  # numba takes a second

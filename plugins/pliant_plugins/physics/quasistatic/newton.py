@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -232,7 +232,7 @@ def _law_slopes(chain: ChainModel, q: Array, loads: Loads) -> dict[str, Array]:
         values = np.asarray(scalar.parameters, float)
         columns = []
         for nudge in np.diag(STEP * np.where(values == 0.0, 1.0, np.abs(values))):
-            up, down = (tau(k, ScalarLaw(scalar.function, values + h)) for h in (nudge, -nudge))
+            up, down = (tau(k, replace(scalar, parameters=values + h)) for h in (nudge, -nudge))
             columns.append((up - down) / (2 * nudge.max()))
         slopes[f"law_{k}"] = np.stack(columns, axis=2)
     return slopes
@@ -247,14 +247,29 @@ class _ScalarForm(JointLaw):
         self._law, self._scalar = law, scalar
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        from pliant_plugins.physics.compiled.efforts import evaluate_law  # numba takes a second
+        effort = self._form(actuation, deformation)
+        less = self._scalar.less_rest
+        if less:
+            rest = self._form(np.zeros(len(deformation)), deformation)
+            effort = Effort(
+                effort.tau - less * rest.tau, effort.dtau_dp, effort.dtau_du - less * rest.dtau_du
+            )
+        return effort
+
+    def _form(self, actuation: Array, deformation: Array) -> Effort:
+        """What the function itself gives."""
+        # numba takes a second
+        from pliant_plugins.physics.compiled.efforts import evaluate_law, evaluate_wide_law
         from pliant_plugins.physics.compiled.laws import law_address
 
         m, a = deformation.shape
-        effort = Effort(np.empty((m, a)), np.empty((m, a)), np.empty((m, a, a)))
-        states = np.array(actuation, float), np.array(deformation, float, order="C")
-        address, parameters = law_address(self._scalar.function), self._scalar.parameters
-        evaluate_law(address, parameters, *states, effort.tau, effort.dtau_dp, effort.dtau_du)
+        k = len(self.actuations)
+        by_p = np.empty((m, a) if k == 1 else (m, a, k))
+        effort = Effort(np.empty((m, a)), by_p, np.empty((m, a, a)))
+        states = np.array(actuation, float, order="C"), np.array(deformation, float, order="C")
+        address, parameters = law_address(self._scalar.function, k), self._scalar.parameters
+        evaluate = evaluate_law if k == 1 else evaluate_wide_law
+        evaluate(address, parameters, *states, effort.tau, effort.dtau_dp, effort.dtau_du)
         return effort
 
     def record(self) -> LawRecord:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
+from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import Domain
@@ -44,7 +45,7 @@ class Split(Generic[Data]):
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """What a state is made of: `at` (n, 1 + k) actuation and deformations, `tau` (n, k), and the names of both."""
+    """What a state is made of: `at` (n, m + k) actuation and deformations, `tau` (n, k), and the names of both."""
 
     at: Array
     tau: Array
@@ -55,12 +56,12 @@ class _Columns:
     def of(data: FemDataset | ModuleData) -> _Columns:
         if isinstance(data, FemDataset):
             at, tau = np.column_stack([data.actuation, data.angle_rad]), data.moment_n_m[:, None]
-            return _Columns(at, tau, (data.actuation_name, "angle_rad"), ("moment_n_m",))
+            return _Columns(at, tau, (*names_of(data.actuation_name), "angle_rad"), ("moment_n_m",))
         about = [f" of axis {axis}" if len(data.axes) > 1 else "" for axis in data.axes]
         return _Columns(
             np.column_stack([data.actuation, data.deformation]),
             data.tau,
-            (data.actuation_name, *(f"angle_rad{axis}" for axis in about)),
+            (*data.actuations, *(f"angle_rad{axis}" for axis in about)),
             tuple(f"moment_n_m{axis}" for axis in about),
         )
 
@@ -81,9 +82,10 @@ def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
     trusted = good & (data.role == "fit")
     _enough(data, trusted, law)
     box = np.column_stack([columns.at[trusted].min(axis=0), columns.at[trusted].max(axis=0)])
-    domain = Domain(box[0], box[1:])
+    m = len(names_of(data.actuation_name))
+    domain = Domain(box[0] if m == 1 else box[:m], box[m:])
     # Outside by more than rounding.
-    excess = np.abs(domain.excess(columns.at[:, 0], columns.at[:, 1:]))
+    excess = np.abs(domain.excess(columns.at[:, :m], columns.at[:, m:]))
     outside = np.any(excess > 1e-9 * np.ptp(box, axis=1), axis=1)
     reason = np.where(good, "outside the fitted box", data.status)
     names, counts = np.unique(reason[outside | ~converged], return_counts=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import LawRecord
@@ -15,6 +16,8 @@ from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
+from pliant_plugins.surrogates.polynomial.several_fit import fit_several
+from pliant_plugins.surrogates.polynomial.several_law import FORM, SeveralLaw
 from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.polynomial.study import (
     fit_differences,
@@ -42,6 +45,7 @@ class Polynomial(AxesSurrogate):
 
     config: PolynomialConfig
     couples = True
+    several_actuations = True
 
     def stated(self) -> PolynomialLaw | AxesLaw | None:
         """The law of the config's coefficients, or None."""
@@ -56,7 +60,20 @@ class Polynomial(AxesSurrogate):
         return study_law(config.coefficients, config.odd, domain, config.actuation_name, axis, config.joint)
 
     def fit_module(self, data: ModuleData) -> FittedLaw:
-        """Whole states of several axes as one energy; each axis by itself where the config has `axes` or form study."""
+        """Whole states of several axes as one energy; each axis by itself where the config has `axes` or form study.
+
+        Of several actuations it is one energy of all of them, whatever the axes (`several_fit`).
+
+        Raises:
+            UserError: the study's form, or a law for each axis, of several actuations.
+        """
+        if len(data.actuations) > 1:
+            if self.config.form == "study" or self.config.axes is not None:
+                raise UserError(
+                    f"the module is driven by {data.actuation_name}, and the study's form and laws of single axes take "
+                    "one actuation: leave 'form' and 'axes' out."
+                )
+            return fit_several(data)
         together = (
             len(data.explored_axes()) > 1 and self.config.axes is None and self.config.form == "adaptive"
         )
@@ -107,9 +124,11 @@ class Polynomial(AxesSurrogate):
         details = {**choice, "parameters": parameters, "largest_slope": slope, "stable": slope < 0}
         return FittedLaw(law, scoring.report(law, states, details, bool(choice.get("odd", False))))
 
-    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyPolynomialLaw:
-        """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyPolynomialLaw.record` wrote."""
+    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyPolynomialLaw | SeveralLaw:
+        """The law of a record that one of these laws wrote."""
         require_kind(record, KIND)
+        if record.values.get("form") == FORM:
+            return SeveralLaw.of_record(record)
         if record.values.get("form") == "energy":
             return EnergyPolynomialLaw.of_record(record)
         if record.values["joint"] == "spherical":

@@ -1,0 +1,66 @@
+"""What of a study's model a file for other programs can carry: the chain under its task, and most static effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pliant.config.study import Study
+from pliant.interfaces.effect import Effect, Model
+from pliant.interfaces.task import SceneTask, Task
+from pliant.pipeline.study import chain_of_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The chain with the task's own loads and the effects that can be carried; why the others cannot."""
+
+    chain: ChainModel
+    left_out: tuple[str, ...]
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is not in a file of this chain, for people."""
+        said = []
+        if self.left_out:
+            said.append(f"Effects that are not in it: {', '.join(self.left_out)}.")
+        if any(law.error is not None for law in self.chain.laws):
+            said.append(
+                "The law's error bar is not used by it: 'pliant simulate' with 'uncertainty' shows it."
+            )
+        return tuple(said)
+
+
+def carried_chain(bench: Workbench, study: Study) -> Carried:
+    """The study's chain as files carry it; all stages before it are done."""
+    chain = chain_of_study(bench, study).chain
+    if study.task is not None:
+        task: Task | SceneTask = bench.build("task", study.task)
+        chain = task.prepare(chain)
+    model, left_out = Model(chain), []
+    for config in study.effects:
+        effect: Effect = bench.build("effect", config)
+        after = effect.apply(model)
+        reason = _reason(model, after)
+        if reason:
+            left_out.append(f"{config.kind} ({reason})")
+        else:
+            model = after
+    return Carried(model.chain, tuple(left_out))
+
+
+def _reason(before: Model, after: Model) -> str:
+    """Why what an effect has changed cannot be carried; empty where it can."""
+    added = after.chain.terms[len(before.chain.terms) :]
+    if any(term.needs_time for term in added):
+        return "it has a memory, or needs time"
+    if added:
+        return "it is a term of its own in every joint"
+    if len(after.inputs) > len(before.inputs):
+        return "it changes the input before the chain"
+    if len(after.outputs) > len(before.outputs):
+        return "it changes what sensors say"
+    if any(law.scalar() is None for law in after.chain.laws):
+        return "its law has no plain form"
+    return ""

@@ -1,0 +1,115 @@
+"""Actuations: what drives a module, each with a name, a unit, and the travel on which it does work.
+
+A law, a problem or a data set of one actuation has its name, `pressure_pa`; one of several has all of them in one text,
+`pressure_1_pa, pressure_2_pa`, and each of its arrays of actuations and of slopes by them has one trailing axis more,
+in that order (docs/conventions.md, "Several actuations").
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from pliant.errors import UserError
+
+SEPARATOR = ", "
+# Values of one state: a number where there is one actuation, (m,) where there are several.
+Levels: TypeAlias = Any
+
+
+@dataclass(frozen=True)
+class ActuationKind:
+    """A quantity that drives modules; `pressure_pa`, or numbered `pressure_1_pa`, are names of the kind "pressure".
+
+    Attributes:
+        quantity: the word before the number.
+        suffix: unit at the end of the name ("_pa").
+        unit: SI unit ("Pa").
+        travel: name of what it does work on, with unit: its conjugate ("volume_change_m3").
+        noun: what people call it.
+        limit: field of an FEM block that bounds it, with unit; empty where only `actuation_max` does.
+    """
+
+    quantity: str
+    suffix: str
+    unit: str
+    travel: str
+    noun: str = ""
+    limit: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name without a number."""
+        return self.quantity + self.suffix
+
+    def matches(self, name: str) -> bool:
+        """Whether an input of this name is of this kind."""
+        return re.fullmatch(rf"{re.escape(self.quantity)}(_\d+)?{re.escape(self.suffix)}", name) is not None
+
+    def travel_of(self, name: str) -> str:
+        """The travel's name with the number of the input: volume_change_2_m3 of pressure_2_pa."""
+        number = name.removeprefix(self.quantity).removesuffix(self.suffix)
+        stem, _, unit = self.travel.rpartition("_")
+        return f"{stem}{number}_{unit}"
+
+
+_KINDS = {
+    kind.name: kind
+    for kind in (
+        ActuationKind("pressure", "_pa", "Pa", "volume_change_m3", "pressure", "pressure_max_pa"),
+        ActuationKind("tendon_force", "_n", "N", "tendon_travel_m", "tendon force", "tendon_force_max_n"),
+    )
+}
+
+
+def register(kind: ActuationKind) -> None:
+    """Make a kind known, once for the process; plugins do it by the hook `pliant_actuations`.
+
+    Raises:
+        UserError: another kind of that name is known.
+    """
+    known = _KINDS.setdefault(kind.name, kind)
+    if known != kind:
+        raise UserError(
+            f"the actuation '{kind.name}' is known with unit {known.unit} and travel {known.travel}, and cannot be "
+            f"registered with {kind.unit} and {kind.travel}: name it otherwise."
+        )
+
+
+def kinds() -> tuple[ActuationKind, ...]:
+    """All kinds, those of Pliant first."""
+    return tuple(_KINDS.values())
+
+
+def kind_of(name: str) -> ActuationKind:
+    """The kind of an input's name, numbered or not.
+
+    Raises:
+        UserError: no kind has that name.
+    """
+    for kind in _KINDS.values():
+        if kind.matches(name):
+            return kind
+    raise UserError(f"'{name}' is no actuation: it should be {expected()}.")
+
+
+def is_known(name: str) -> bool:
+    """Whether an input's name is of a known kind."""
+    return any(kind.matches(name) for kind in _KINDS.values())
+
+
+def expected() -> str:
+    """The names that inputs may have, for sentences."""
+    return " or ".join(f"{kind.name}, {kind.quantity}_1{kind.suffix}, …" for kind in _KINDS.values())
+
+
+def names_of(actuation_name: str) -> tuple[str, ...]:
+    """The names in a text such as `pressure_1_pa, pressure_2_pa`, in their order."""
+    return tuple(actuation_name.split(SEPARATOR))
+
+
+def joined(names: Iterable[str]) -> str:
+    """The text that `names_of` reads."""
+    return SEPARATOR.join(names)

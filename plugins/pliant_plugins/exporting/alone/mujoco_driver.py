@@ -1,0 +1,187 @@
+"""What makes an exported MJCF move: the joint laws, applied in MuJoCo's passive forces. Needs numpy and mujoco.
+
+    model, data = load()             # the MJCF beside this file, laws installed
+    data.ctrl[:] = 12e3              # Pa (N for tendons); actuators are named after their inputs
+    settle(model, data)              # equilibrium; or mj_step(model, data) for motion
+    print(data.site("tip").xpos)
+
+`install(model)` does the same for a model of your own that includes the file: joints are found by their names. The
+callback is MuJoCo's own (`mjcb_passive`), so viewers and environments see the laws too. A process has one of these,
+and MuJoCo compiles no model while it is set: compile your models first, or call `pause()` before and `resume()` after.
+A law's slope enters as a damping h K that the integrators `implicitfast` and `implicit` take to the end of the step,
+which keeps large steps stable and leaves every equilibrium where it is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+# What the export fills in: the file, a function for each law, how many actuations it takes, its domain; the arms.
+LAWS: list[Any] = []
+TAKES: list[int] = []
+ARMS: list[dict[str, Any]] = []
+DOMAINS: list[np.ndarray] = []
+MJCF = "robot.xml"
+
+# --- the driver: everything below is the same in every export ---
+_installed: dict[int, tuple[mujoco.MjModel, list[_Arm]]] = {}
+SMALL_ANGLE = 0.1
+SETTLE_STEP_S = 0.02
+
+
+def load(path: str | Path | None = None) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The model of the MJCF file (by default the one beside this module) with its laws, and its data."""
+    pause()
+    model = mujoco.MjModel.from_xml_path(str(path or Path(__file__).with_name(MJCF)))
+    install(model)
+    return model, mujoco.MjData(model)
+
+
+def install(model: mujoco.MjModel, prefix: str = "") -> None:
+    """Let the laws act in this model from now on; `prefix` stands before all names if the file was attached."""
+    _installed[id(model)] = (model, [_Arm(model, arm, prefix) for arm in ARMS])
+    resume()
+
+
+def pause() -> None:
+    """Take the callback away: models can be compiled, and no law acts."""
+    mujoco.set_mjcb_passive(None)
+
+
+def resume() -> None:
+    """Set the callback again: laws act in all models that they were installed in."""
+    mujoco.set_mjcb_passive(_passive)
+
+
+def settle(
+    model: mujoco.MjModel, data: mujoco.MjData, tolerance: float = 1e-9, most_steps: int = 20_000
+) -> bool:
+    """Move to the static equilibrium under the present `data.ctrl` and loads; whether it was reached.
+
+    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. `tolerance` is the largest
+    unbalanced effort, N·m (N on prismatic joints).
+    """
+    step_s, model.opt.timestep = model.opt.timestep, SETTLE_STEP_S
+    before = 0.0
+    try:
+        for _ in range(most_steps):
+            mujoco.mj_step(model, data)
+            energy = float(data.qvel @ data.qvel)
+            if energy < before:
+                data.qvel[:] = 0.0
+                mujoco.mj_forward(model, data)
+                energy = 0.0
+                if np.abs(data.qfrc_smooth + data.qfrc_constraint).max() < tolerance:
+                    return True
+            before = energy
+    finally:
+        model.opt.timestep = step_s
+        mujoco.mj_forward(model, data)
+    return False
+
+
+def outside(model: mujoco.MjModel, data: mujoco.MjData) -> list[str]:
+    """Names of joints whose law has no data where they stand."""
+    found: list[str] = []
+    for arm in _installed[id(model)][1]:
+        found += arm.outside(data)
+    return found
+
+
+def _passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    known = _installed.get(id(model))
+    for arm in known[1] if known else ():
+        arm.push(model, data)
+
+
+class _Arm:
+    """One chain of joints with its laws."""
+
+    def __init__(self, model: mujoco.MjModel, arm: dict[str, Any], prefix: str) -> None:
+        self.names = [prefix + name for name in arm["joints"]]
+        joints = [model.joint(name).id for name in self.names]
+        self.ball, self.axes = arm["ball"], np.array(arm["axes"])
+        n = len(joints)
+        width, dofs = (4, 3) if self.ball else (1, 1)
+        self.qpos = model.jnt_qposadr[joints][:, None] + np.arange(width)
+        self.dofs = model.jnt_dofadr[joints][:, None] + np.arange(dofs)
+        self.inputs = np.array([model.actuator(prefix + name).id for name in arm["inputs"]])
+        self.turns = np.array(arm["turns"], float)
+        self.groups = [(g["law"], np.array(g["joints"]), slice(*g["drives"])) for g in arm["groups"]]
+        self.damping = model.dof_damping[self.dofs].copy()
+        self.shape = (n, len(self.axes))
+        model.jnt_stiffness[joints] = 0.0  # the file's stiffness at rest: the laws have it
+
+    def coordinates(self, data: mujoco.MjData) -> np.ndarray:
+        """(n, a) joint coordinates: angles, rotation vectors, extensions."""
+        if not self.ball:
+            return data.qpos[self.qpos]
+        return _rotation_vectors(data.qpos[self.qpos])[:, self.axes]
+
+    def acting(self, u: np.ndarray, values: np.ndarray) -> Any:
+        """For each group of joints and each law on it: joints, law, actuation, deformation, turn."""
+        for law, joints, drives in self.groups:
+            if TAKES[law] > 1:
+                yield joints, law, np.tile(values[drives], (len(joints), 1)), u[joints], np.eye(self.shape[1])
+                continue
+            for value, turn in zip(values[drives], self.turns[drives], strict=True):
+                yield joints, law, np.full(len(joints), value), u[joints] @ turn, turn
+
+    def push(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Add the efforts of the laws to the passive forces, and their slopes to the damping."""
+        u = self.coordinates(data)
+        tau, slopes = np.zeros(self.shape), np.zeros((*self.shape, self.shape[1]))
+        for joints, law, p, turned, turn in self.acting(u, data.ctrl[self.inputs]):
+            effort, _, slope = LAWS[law](p, turned)
+            tau[joints] += effort @ turn.T
+            slopes[joints] += turn @ slope @ turn.T
+        implicit = model.opt.timestep * np.abs(slopes + slopes.transpose(0, 2, 1)).sum(axis=2) / 2
+        if self.ball:
+            inverse = _right_jacobian_inverse(self._vectors(u))
+            tau = np.einsum("nji,nj->ni", inverse, self._vectors(tau))
+            implicit = self._vectors(implicit)
+        # MuJoCo has taken the damping of the last call, the implicit part in it, off the forces already.
+        held = (model.dof_damping[self.dofs] - self.damping) * data.qvel[self.dofs]
+        data.qfrc_passive[self.dofs] += tau + held
+        model.dof_damping[self.dofs] = self.damping + implicit
+
+    def outside(self, data: mujoco.MjData) -> list[str]:
+        """Names of joints whose law has no data where they stand."""
+        found: set[int] = set()
+        for joints, law, p, u, _ in self.acting(self.coordinates(data), data.ctrl[self.inputs]):
+            at, domain = np.column_stack([p, u]), DOMAINS[law]
+            found |= set(joints[np.any((at < domain[:, 0]) | (at > domain[:, 1]), axis=1)].tolist())
+        return [self.names[k] for k in sorted(found)]
+
+    def _vectors(self, values: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(values), 3))
+        out[:, self.axes] = values
+        return out
+
+
+def _rotation_vectors(q: np.ndarray) -> np.ndarray:
+    """(n, 3) rotation vectors of unit quaternions (n, 4) of either sign."""
+    q = np.where(q[:, :1] < 0.0, -q, q)
+    length = np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
+    ratio = np.divide(2.0 * np.arctan2(length, q[:, :1]), length, out=2.0 / q[:, :1], where=length > 1e-9)
+    return ratio * q[:, 1:]
+
+
+def _right_jacobian_inverse(phi: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) rate of the rotation vector per angular velocity in the child's frame (what MuJoCo's qvel is)."""
+    square = np.einsum("ni,ni->n", phi, phi)
+    theta = np.sqrt(square)
+    small = theta < SMALL_ANGLE
+    t = np.where(small, 1.0, theta)
+    closed = (1.0 - 0.5 * t / np.tan(0.5 * t)) / t**2
+    d = np.where(small, 1 / 12 + square / 720 + square**2 / 30240 + square**3 / 1209600, closed)
+    x, y, z = phi.T
+    skew = np.zeros((len(phi), 3, 3))
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
+    skew[:, 1, 0], skew[:, 2, 0], skew[:, 2, 1] = z, -y, x
+    outer = phi[:, :, None] * phi[:, None, :] - square[:, None, None] * np.eye(3)
+    return np.eye(3) + 0.5 * skew + d[:, None, None] * outer

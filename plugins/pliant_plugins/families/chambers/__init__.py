@@ -1,0 +1,1 @@
+"""Modules of several chambers: tubes of one cross-section, wound so that their outline keeps its shape."""

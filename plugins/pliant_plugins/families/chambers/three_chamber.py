@@ -1,0 +1,167 @@
+"""Three chambers around a bore as an `ActuatorFamily`: a round tube that bends about two axes and grows longer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.errors import InvalidDesignError
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.mechanics.rotations import exp_map
+from pliant.meshing.grids import carved_cavities, grid_cells, grid_lines, module_sets
+from pliant.meshing.hexahedra import boundary_faces
+from pliant.meshing.masses import UNIFORM, half_masses
+from pliant.meshing.surfaces import half_skins
+from pliant.records.actuation import joined, names_of
+from pliant.records.design import Array, ModuleMass
+from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
+from pliant.records.law import JointKind
+from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.units import Length
+
+ALL = ("x", "y", "z")
+CHAMBERS = 3
+# Elements through each wall, across a chamber, around it, and through half a rib.
+THROUGH, ACROSS, AROUND, RIB = 1, 2, 4, 1
+ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
+
+
+class ThreeChamberConfig(FamilyConfig):
+    """A round tube with an open bore and three chambers in its wall, sectors of a ring with ribs between them."""
+
+    kind: Literal["three_chamber"] = "three_chamber"
+    radius_m: Length = Field(description="R: outer radius")
+    bore_m: Length = Field(description="b: radius of the open bore along the axis")
+    wall_m: Length = Field(description="t: thickness of the outer wall, and of that around the bore")
+    rib_m: Length = Field(description="thickness of the ribs at the chambers' mean radius")
+    module_length_m: Length = Field(description="l: length of one module")
+
+
+class ThreeChamber(ActuatorFamily):
+    """One design of three chambers with a pressure each, the first at +z, the others 120° and 240° on about x.
+
+    One pressure bends the module away from its chamber, about any axis across x with two of them; all three make it
+    longer. As in `two_chamber` the tube is wound, sections are alike, and the length follows the pressures without
+    being a coordinate of the joint, which is a ball joint: bending about y and z, twist about x.
+    """
+
+    joint: ClassVar[JointKind] = "spherical"
+    axes: ClassVar[tuple[str, ...]] = ALL
+    actuation: ClassVar[str] = joined(f"pressure_{k}_pa" for k in range(1, CHAMBERS + 1))
+    config: ThreeChamberConfig
+
+    def __init__(self, config: ThreeChamberConfig) -> None:
+        super().__init__(config)
+        _check(config)
+
+    @property
+    def module_length_m(self) -> float:
+        return self.config.module_length_m
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """The whole module from x = 0; what a section does at its end it does at its start (warping included)."""
+        mesh = build_mesh(self.config, self.config.module_length_m, refinement)
+        first, second = (mesh.node_sets[name] for name in ("start", "end"))
+        return ModuleProblem(
+            mesh=mesh,
+            span_m=self.config.module_length_m,
+            reference_z_m=0.0,
+            deformation_scale=1.0,
+            energy_scale=1.0,
+            fixed={"wound": (1, 2), "pin": (0,)},
+            links=(Link(first, second, {0: 1.0, 1: 1.0, 2: 1.0}),),
+            axes=axes or ALL,
+            joint="spherical",
+            actuation=self.actuation,
+            contact_planes=(),
+        )
+
+    @cached_property
+    def _half(self) -> ModuleMesh:
+        return build_mesh(self.config, self.config.module_length_m / 2)
+
+    def shapes(self) -> HalfShapes:
+        """A cylinder for each half."""
+        quarter = self.config.module_length_m / 4
+
+        def half(x: float) -> tuple[Shape, ...]:
+            return (Shape("cylinder", (self.config.radius_m, quarter), np.array([x, 0.0, 0.0]), ALONG_X),)
+
+        return HalfShapes(half(-quarter), half(quarter))
+
+    def surface(self) -> HalfSurfaces:
+        """The skin of the two halves."""
+        return half_skins(self._half, mirror_y=False)
+
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
+        """Masses of the two halves; the winding weighs nothing."""
+        return half_masses(self._half, density_kg_m3, mirror_y=False, regions=regions)
+
+
+def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -> ModuleMesh:
+    """x ∈ [0, span]; node sets `wound`, the outside, and `pin`, one of its nodes at the start."""
+    inner, outer = config.bore_m + config.wall_m, config.radius_m - config.wall_m
+    lines = [(config.bore_m, inner, THROUGH), (inner, outer, ACROSS), (outer, config.radius_m, THROUGH)]
+    r = _lines([(a, b, refinement * n) for a, b, n in lines])
+    half_rib = config.rib_m / (inner + outer)
+    sector = 2 * np.pi / CHAMBERS
+    angles = []
+    for k in range(CHAMBERS):
+        centre = k * sector
+        side = sector / 2 - half_rib
+        angles += [
+            (centre - sector / 2, centre - side, refinement * RIB),
+            (centre - side, centre + side, refinement * AROUND),
+            (centre + side, centre + sector / 2, refinement * RIB),
+        ]
+    nodes, ids = _ring(grid_lines((0.0, span_m), refinement), r, _lines(angles))
+    cells = grid_cells(ids[:, ::-1])  # x, φ, r are left-handed
+    middle = nodes[cells[:, 13]]
+    radius = np.hypot(middle[:, 1], middle[:, 2])
+    # φ from +z, turning as a positive rotation about x does: toward −y.
+    around = np.arctan2(-middle[:, 1], middle[:, 2])
+    hollow = {}
+    for k, name in enumerate(names_of(ThreeChamber.actuation)):
+        away = np.abs((around - k * sector + np.pi) % (2 * np.pi) - np.pi)
+        hollow[name] = (away < sector / 2 - half_rib) & (radius > inner) & (radius < outer)
+    nodes, cells, cavities = carved_cavities(nodes, cells, hollow)
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, span_m, (0.0, 0.0, config.radius_m))
+    sets["wound"] = np.flatnonzero(np.hypot(nodes[:, 1], nodes[:, 2]) > config.radius_m * (1 - 1e-9))
+    return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
+
+
+def _lines(pieces: list[tuple[float, float, int]]) -> Array:
+    """Grid lines of pieces (from, to, elements) that follow each other."""
+    found = [grid_lines((a, b), n) for a, b, n in pieces]
+    return np.concatenate([found[0], *(line[1:] for line in found[1:])])
+
+
+def _ring(x: Array, r: Array, phi: Array) -> tuple[Array, IntArray]:
+    """Nodes (n, 3) and ids [x, φ, r] of a full turn about x, the last line of φ being the first."""
+    X, P, R = np.meshgrid(x, phi[:-1], r, indexing="ij")
+    nodes = np.stack([X, -R * np.sin(P), R * np.cos(P)], axis=-1).reshape(-1, 3)
+    ids = np.arange(X.size, dtype=np.int64).reshape(X.shape)
+    return nodes, np.concatenate([ids, ids[:, :1]], axis=1)
+
+
+def _check(config: ThreeChamberConfig) -> None:
+    """Raise `InvalidDesignError` unless the chambers have room."""
+    lengths = (config.bore_m, config.wall_m, config.rib_m, config.module_length_m)
+    room = config.radius_m - config.bore_m - 2 * config.wall_m
+    if min(lengths) <= 0 or room <= 0:
+        raise InvalidDesignError(
+            "three_chamber needs bore, wall, rib and module_length above 0 and radius > bore + 2 wall (room for the "
+            f"chambers), but radius − bore − 2 wall = {1e3 * room:.4g} mm."
+        )
+    arc = np.pi / CHAMBERS * (config.radius_m + config.bore_m)
+    if config.rib_m >= arc:
+        raise InvalidDesignError(
+            f"three_chamber needs rib < π (radius + bore)/3 (ribs leave room between them), but rib = "
+            f"{1e3 * config.rib_m:.4g} mm and π (radius + bore)/3 = {1e3 * arc:.4g} mm, off by "
+            f"{1e3 * (config.rib_m - arc):.4g} mm."
+        )

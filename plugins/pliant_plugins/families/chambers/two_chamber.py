@@ -1,0 +1,116 @@
+"""Two opposed chambers as an `ActuatorFamily`: a rectangular tube with a web between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.errors import InvalidDesignError
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.grids import block, carved_cavities, grid_cells, grid_lines, module_sets, numbered
+from pliant.meshing.hexahedra import boundary_faces
+from pliant.meshing.masses import UNIFORM, half_masses
+from pliant.records.actuation import joined, names_of
+from pliant.records.design import ModuleMass
+from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.units import Length
+
+# Elements through walls and web, across each chamber, and along half its width.
+THROUGH, ACROSS, ASIDE = 2, 3, 4
+
+
+class TwoChamberConfig(FamilyConfig):
+    """A tube of width w and height h with two rectangular chambers, one above and one below a web at mid-height."""
+
+    kind: Literal["two_chamber"] = "two_chamber"
+    width_m: Length = Field(description="w: outer width along y")
+    height_m: Length = Field(description="h: outer height along z")
+    wall_m: Length = Field(description="t: thickness of the outer walls")
+    web_m: Length = Field(description="thickness of the web between the chambers")
+    module_length_m: Length = Field(description="l: length of one module")
+
+
+class TwoChamber(ActuatorFamily):
+    """One design of two opposed chambers with a pressure each; the first lies at +z and bends toward −z.
+
+    The tube is wound: threads around it, which do not stretch, let it grow longer and bend and keep the outline of
+    each section as it is (the limit of a close winding; Suzumori, Iikura and Tanaka, IEEE ICRA 1991, wind their
+    actuators so). Sections are alike, so that a slice of one element along x is enough. The length follows the
+    pressures, without a force along the chain, and is no coordinate of the joint: a chain of modules keeps its length.
+    """
+
+    actuation: ClassVar[str] = joined(("pressure_1_pa", "pressure_2_pa"))
+    config: TwoChamberConfig
+
+    def __init__(self, config: TwoChamberConfig) -> None:
+        super().__init__(config)
+        _check(config)
+
+    @property
+    def module_length_m(self) -> float:
+        return self.config.module_length_m
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """The end half, half its width: the angle is half the joint's, the energy a quarter of the module's."""
+        return ModuleProblem(
+            mesh=build_mesh(self.config, refinement),
+            span_m=self.config.module_length_m / 2,
+            reference_z_m=0.0,
+            deformation_scale=2.0,
+            energy_scale=4.0,
+            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "wound": (1, 2)},
+            actuation=self.actuation,
+        )
+
+    @cached_property
+    def _half(self) -> ModuleMesh:
+        return build_mesh(self.config)
+
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
+        """Masses of the two halves; the winding weighs nothing."""
+        return half_masses(self._half, density_kg_m3, regions=regions)
+
+
+def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
+    """x ∈ [0, l/2], y ≥ 0; node set `wound` is the outside of the tube."""
+    through, across, aside = (refinement * n for n in (THROUGH, ACROSS, ASIDE))
+    w, h, t, web = config.width_m / 2, config.height_m / 2, config.wall_m, config.web_m / 2
+    y = np.concatenate([grid_lines((0.0, w - t), aside), grid_lines((w - t, w), through)[1:]])
+    upper = np.concatenate([grid_lines((web, h - t), across), grid_lines((h - t, h), through)[1:]])
+    z = np.concatenate([-upper[::-1], grid_lines((-web, web), through)[1:-1], upper])
+    span = config.module_length_m / 2
+    nodes, ids = numbered(block(grid_lines((0.0, span), refinement), y, z))
+    cells = grid_cells(ids)
+    middle = nodes[cells[:, 13]]
+    inside = middle[:, 1] < w - t
+    hollow = {
+        name: inside & (sign * middle[:, 2] > web) & (sign * middle[:, 2] < h - t)
+        for name, sign in zip(names_of(TwoChamber.actuation), (1.0, -1.0), strict=True)
+    }
+    nodes, cells, cavities = carved_cavities(nodes, cells, hollow)
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, span)
+    near = 1e-9 * config.height_m
+    outside = (np.abs(nodes[:, 1] - w) < near) | (np.abs(np.abs(nodes[:, 2]) - h) < near)
+    sets["wound"] = np.flatnonzero(outside)
+    return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
+
+
+def _check(config: TwoChamberConfig) -> None:
+    """Raise `InvalidDesignError` unless both chambers have room."""
+    room = config.height_m - 2 * config.wall_m - config.web_m
+    if min(config.wall_m, config.web_m, config.module_length_m) <= 0 or room <= 0:
+        raise InvalidDesignError(
+            f"two_chamber needs wall, web and module_length above 0 and height > 2 wall + web (room for two chambers), "
+            f"but height − 2 wall − web = {1e3 * room:.4g} mm."
+        )
+    if config.width_m <= 2 * config.wall_m:
+        short = 2 * config.wall_m - config.width_m
+        raise InvalidDesignError(
+            f"two_chamber needs width > 2 wall (room for the chambers), but width = {1e3 * config.width_m:.4g} mm and "
+            f"2 wall = {2e3 * config.wall_m:.4g} mm, off by {1e3 * short:.4g} mm."
+        )

@@ -1,0 +1,253 @@
+"""A polynomial energy of several actuations and axes, fitted to whole states; its degrees chosen by leaving states out.
+
+Of a state everything is fitted at once: τ_i = −∂Π/∂u_i, its slopes by all actuations and axes, the energy
+Π = U − Σ a_j travel_j and ∂Π/∂a_j = −travel_j.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy  # scipy.stats only where a law is fitted
+from numpy.typing import NDArray
+
+from pliant.errors import UserError
+from pliant.interfaces.surrogate import FittedLaw
+from pliant.records.design import Array
+from pliant.records.error_bar import ErrorBar
+from pliant.records.fem import ModuleData
+from pliant.records.law import Domain
+from pliant_plugins.surrogates.polynomial.energy_system import DETERMINED, SLOPE_WEIGHT, WORST_CONDITION
+from pliant_plugins.surrogates.polynomial.scoring import report_axes
+from pliant_plugins.surrogates.polynomial.several_law import FORM, Exponents, SeveralLaw, powers, product
+from pliant_plugins.surrogates.polynomial.states import split
+from pliant_plugins.surrogates.records import stable_choice
+
+# Degrees of the energy in the actuations and in the deformations that are tried.
+DEGREES = ((1, 2), (2, 2), (2, 4), (3, 3), (3, 5), (4, 4), (4, 6), (5, 5), (6, 6), (8, 8))
+# Of the equations, and of all: what a law costs an engine grows with them.
+MOST_TERMS, MOST_OF_ALL = 0.5, 500
+# Energies and travels, which actuations alone move by more than the deformations do, weigh little: they are there for
+# the terms that have no effort.
+ENERGY_WEIGHT = 0.02
+# Of candidates within this factor of the smallest error the one with the fewest terms is taken.
+ALIKE = 1.05
+PLACES = 2048  # of the box, at which ∂τ/∂u is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Degrees, terms, coefficients (t,) in J, and misses (n, k) of τ with each state left out in turn.
+
+    `rmse` is the root mean square of the misses over the ranges.
+    """
+
+    degrees: tuple[int, int]
+    exponents: Exponents
+    coefficients: Array
+    misses: Array
+    rmse: float
+
+
+def fit_several(data: ModuleData) -> FittedLaw:
+    """One law of all actuations and axes, fitted to every trusted state of role "fit", scored on those of role "check".
+
+    Raises `UserError` as `states.split` does, and where the states determine no law.
+    """
+    states = split(data, f"a law of {len(data.actuations)} actuations")
+    system = _System(states.fit, states.domain, states.ranges)
+    tried = [one for one in map(system.solve, _degrees(system)) if one is not None]
+    if not tried:
+        raise UserError(
+            f"the {len(states.fit)} states to fit determine no law of {len(data.actuations)} actuations and "
+            f"{len(data.axes)} axes: raise fem.max_states."
+        )
+    laws = [system.law(one) for one in tried]
+    slopes = [largest_slope(law) for law in laws]
+    best = stable_choice([one.rmse for one in tried], slopes)
+    near = [
+        k
+        for k, one in enumerate(tried)
+        if one.rmse <= ALIKE * tried[best].rmse and (slopes[k] < 0 or slopes[best] >= 0)
+    ]
+    place = min(near, key=lambda k: len(tried[k].coefficients))
+    chosen, law = tried[place], laws[place]
+    table = [
+        {
+            "actuation_degree": one.degrees[0],
+            "degree": one.degrees[1],
+            "terms": len(one.coefficients),
+            "left_out_rmse_of_range": one.rmse,
+            "stable": slope < 0,
+            "chosen": one is chosen,
+        }
+        for one, slope in zip(tried, slopes, strict=True)
+    ]
+    choice = {
+        "form": FORM,
+        "actuation_degree": chosen.degrees[0],
+        "degree": chosen.degrees[1],
+        "terms": len(chosen.coefficients),
+        "left_out_rmse_of_range": chosen.rmse,
+        "energies_fitted": system.with_energy,
+        "candidates": table,
+    }
+    return FittedLaw(law, report_axes(law, states, choice, slopes[place]))
+
+
+def largest_slope(law: SeveralLaw) -> float:
+    """The largest eigenvalue of ∂τ/∂u over the box: below zero where the law is stable."""
+    box = law.domain.box
+    points = scipy.stats.qmc.Sobol(len(box), scramble=False).random(PLACES)
+    at = box[:, 0] + np.ptp(box, axis=1) * points
+    m = len(law.actuations)
+    return float(np.linalg.eigvalsh(law.evaluate(at[:, :m], at[:, m:]).dtau_du).max())
+
+
+def _degrees(system: _System) -> list[tuple[int, int]]:
+    """Degrees whose terms are few enough for the states, small ones first."""
+    fitting = [
+        (count, degrees)
+        for degrees in DEGREES
+        if (count := len(terms_of(*degrees, system.m, system.k)))
+        <= min(MOST_TERMS * system.equations, MOST_OF_ALL)
+    ]
+    return [degrees for _, degrees in sorted(fitting)]
+
+
+def terms_of(actuation: int, deformation: int, m: int, k: int) -> Exponents:
+    """(t, m + k) exponents with Σ i/`actuation` + Σ l/`deformation` ≤ 1, the constant left out."""
+    found = [np.zeros((1, 0), np.int64)]
+    share = np.zeros(1)
+    for top in [actuation] * m + [deformation] * k:
+        kept = [(one, s, e) for one, s in zip(found[-1], share, strict=True) for e in range(top + 1)]
+        kept = [(one, s, e) for one, s, e in kept if s + e / top <= 1 + 1e-9]
+        found.append(np.array([[*one, e] for one, _, e in kept], np.int64))
+        share = np.array([s + e / top for _, s, e in kept])
+    return found[-1][found[-1].any(axis=1)]
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The states to fit, scaled, and what they know."""
+
+    data: ModuleData
+    domain: Domain
+    ranges: Array
+
+    @property
+    def m(self) -> int:
+        return len(self.data.actuations)
+
+    @property
+    def k(self) -> int:
+        return len(self.data.axes)
+
+    @cached_property
+    def maps(self) -> Array:
+        """(m + k, 2) centres and half-widths of the box."""
+        box = self.domain.box
+        return np.column_stack([box.mean(axis=1), np.ptp(box, axis=1) / 2])
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """(n,) whether energy and travels are there."""
+        travels = np.isfinite(self.data.travel).all(axis=1)
+        return np.asarray(np.isfinite(self.data.energy_j) & travels)
+
+    @property
+    def with_energy(self) -> bool:
+        return bool(self.known.any())
+
+    @cached_property
+    def wanted(self) -> list[tuple[dict[int, int], Array, float]]:
+        """Of each kind of equation: which derivative of −Π it is, values (n,), weight. Those of τ come first."""
+        data, m, k = self.data, self.m, self.k
+        half, ranges = self.maps[:, 1], self.ranges
+        found = [({m + i: 1}, data.tau[:, i], 1 / ranges[i]) for i in range(k)]
+        for i in range(k):
+            for j in range(m):
+                found.append(({m + i: 1, j: 1}, data.dtau_dp[:, i, j], SLOPE_WEIGHT * half[j] / ranges[i]))
+            for j in range(i, k):
+                weight = SLOPE_WEIGHT * np.sqrt(half[m + i] * half[m + j] / (ranges[i] * ranges[j]))
+                orders = {m + i: 2} if i == j else {m + i: 1, m + j: 1}
+                found.append((orders, data.dtau_du[:, i, j], float(weight)))
+        if self.with_energy:
+            energy = ENERGY_WEIGHT / float(np.max(ranges * half[m:]))
+            work = np.sum(data.actuation * data.travel, axis=1)
+            found.append(({}, np.where(self.known, work - data.energy_j, np.nan), energy))
+            for j in range(m):
+                found.append(({j: 1}, np.where(self.known, data.travel[:, j], np.nan), energy * half[j]))
+        return found
+
+    @property
+    def equations(self) -> int:
+        return sum(int(np.isfinite(values).sum()) for _, values, _ in self.wanted)
+
+    def solve(self, degrees: tuple[int, int]) -> Candidate | None:
+        """Least squares, and what is missed of each state by the others; None where they do not determine all terms."""
+        data, m = self.data, self.m
+        exponents = terms_of(*degrees, m, self.k)
+        at = np.column_stack([data.actuation, data.deformation])
+        tables = [powers(at[:, d], self.maps[d], exponents[:, d], d >= m) for d in range(at.shape[1])]
+        matrix, right, state = [], [], []
+        for orders, values, weight in self.wanted:
+            there = np.flatnonzero(np.isfinite(values))
+            matrix.append(-weight * product(tables, orders)[there])
+            right.append(weight * values[there])
+            state.append(there)
+        # Π is known up to a constant; the rest state has none.
+        A, b, of_row = np.concatenate(matrix), np.concatenate(right), np.concatenate(state)
+        if self.with_energy:
+            A, b = self._less_rest(A, b, exponents)
+        sizes = np.linalg.norm(A, axis=0)
+        if len(A) < len(exponents) or not sizes.all():
+            return None
+        Q, R = np.linalg.qr(A / sizes)
+        diagonal = np.abs(np.diagonal(R))
+        if diagonal.max() > WORST_CONDITION * diagonal.min():
+            return None
+        coefficients = np.linalg.solve(R, Q.T @ b) / sizes
+        residual = b - Q @ (Q.T @ b)
+        n = len(data)
+        misses = np.empty(self.k * n)
+        for one in range(n):
+            rows = np.flatnonzero(of_row == one)
+            values, vectors = np.linalg.eigh(np.eye(len(rows)) - Q[rows] @ Q[rows].T)
+            if values[0] < DETERMINED:
+                return None
+            missed = vectors @ ((vectors.T @ residual[rows]) / values)
+            told = rows < len(misses)
+            misses[rows[told]] = -missed[told]
+        shares = misses.reshape(self.k, n).T
+        rmse = float(np.sqrt(np.mean(shares**2)))
+        return Candidate(degrees, exponents, coefficients, shares * self.ranges, rmse)
+
+    def _less_rest(self, A: Array, b: Array, exponents: Exponents) -> tuple[Array, Array]:
+        """Energies as differences to the rest state, a = 0 and u = 0, whose energy is zero."""
+        tables = [
+            powers(np.zeros(1), self.maps[d], exponents[:, d], d >= self.m) for d in range(len(self.maps))
+        ]
+        place = next(k for k, (orders, _, _) in enumerate(self.wanted) if not orders)
+        counts = [int(np.isfinite(values).sum()) for _, values, _ in self.wanted]
+        rows = slice(sum(counts[:place]), sum(counts[: place + 1]))
+        A = A.copy()
+        A[rows] += self.wanted[place][2] * product(tables, {})
+        return A, b
+
+    def law(self, one: Candidate) -> SeveralLaw:
+        """The law of a candidate, with its error bar."""
+        data = self.data
+        bar = ErrorBar.of(self.domain.box, data.actuation, data.deformation, one.misses)
+        return SeveralLaw(
+            one.exponents,
+            one.coefficients,
+            self.maps,
+            self.domain,
+            data.actuation_name,
+            data.axes,
+            data.joint,
+            bar,
+        )

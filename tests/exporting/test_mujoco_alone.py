@@ -1,0 +1,118 @@
+"""An exported robot in plain MuJoCo settles where Pliant says, in a process of its own without Pliant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from tests.exporting.alone import run_alone
+
+from pliant import api
+from pliant.pipeline.carried import carried_chain
+from pliant.records.rollout import Inputs
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+LOADS_KG = (0.0, 0.01, 0.02, 0.05)
+CLOSE_M = 5e-5
+LAW = """
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+  domain: {actuation: [0 kPa, 16 kPa], deformation: [-0.6, 0.7]}
+"""
+FINGER = f"""
+pliant: 1
+name: finger
+{LAW}
+chain: {{modules: 8, module_length: 11 mm, module_mass: 1.1 g, module_radius: 7 mm}}
+task: {{kind: tip_load, pressure: 15 kPa, payload: 5 g}}
+"""
+OPPOSED = FINGER.replace(
+    "modules: 8,",
+    "modules: 4, actuators: [{input: pressure_1_pa, sign: 1}, {input: pressure_2_pa, sign: -1}],",
+)
+SCRIPT = """
+import robot_law
+model, data = robot_law.load()
+tip = model.body("tip").id
+said = []
+for load, inputs in CASES:
+    for name, value in inputs.items():
+        data.ctrl[model.actuator(name).id] = value
+    data.xfrc_applied[tip, 2] = -9.81 * load
+    settled = robot_law.settle(model, data)
+    said.append([settled, *data.site("tip").xpos, robot_law.outside(model, data)])
+"""
+
+
+def settled_tips(study: str | Path, folder: Path, inputs: dict[str, float], loads=LOADS_KG) -> None:
+    """Export, settle alone under each load, compare with the quasi-static engine."""
+    if not isinstance(study, Path):
+        (folder / "robot.yaml").write_text(study)
+        study = folder / "robot.yaml"
+    opened = api.open_study(study, store=folder / "store")
+    chain = carried_chain(opened.bench, opened.study).chain
+    Mujoco(MujocoConfig()).export(chain, folder / "robot.xml")
+    found = run_alone(SCRIPT.replace("CASES", repr([(load, inputs) for load in loads])), folder)
+    with Quasistatic(QuasistaticConfig()).build(chain) as simulation:
+        for load, (settled, *tip, _) in zip(loads, found, strict=True):
+            simulation.apply(Inputs(inputs, np.array([0.0, 0.0, -9.81 * load])))
+            ours = simulation.settle()
+            assert settled and ours.converged
+            assert np.linalg.norm(ours.tip_m - tip) < CLOSE_M
+
+
+def test_a_finger_of_eight_modules_under_loads(tmp_path) -> None:
+    settled_tips(FINGER, tmp_path, {"pressure_pa": 15e3})
+
+
+def test_opposed_chambers_take_two_inputs(tmp_path) -> None:
+    settled_tips(OPPOSED, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, (0.0,))
+
+
+def test_a_chain_of_ball_joints_under_loads(tmp_path) -> None:
+    helix = Path(__file__).parents[2] / "examples" / "helix" / "helix.yaml"
+    settled_tips(helix, tmp_path, {"pressure_pa": 15e3})
+
+
+def test_it_moves_on_its_own_and_leaves_other_models_alone(tmp_path) -> None:
+    """Released from rest under pressure it swings about the equilibrium; a model without laws feels nothing."""
+    (tmp_path / "robot.yaml").write_text(FINGER)
+    opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
+    chain = carried_chain(opened.bench, opened.study).chain
+    Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
+    swings, spring = run_alone(
+        "import mujoco, numpy as np, robot_law\nmodel, data = robot_law.load()\n"
+        "robot_law.pause()\nplain = mujoco.MjModel.from_xml_path('robot.xml')\n"
+        "robot_law.resume()\nother = mujoco.MjData(plain)\n"
+        "data.ctrl[0] = other.ctrl[0] = 15e3\nseen = []\n"
+        "for _ in range(2000):\n"
+        "    mujoco.mj_step(model, data); mujoco.mj_step(plain, other); seen.append(float(data.qpos[0]))\n"
+        "robot_law.settle(model, data)\nseen = np.array(seen) - data.qpos[0]\n"
+        "said = [[float(seen.min()), float(seen.max()), float(abs(seen[-1]))], float(abs(other.qpos).max())]",
+        tmp_path,
+    )
+    assert swings[0] < -0.1 and swings[1] > 0.0 and swings[2] < 0.05
+    assert spring < 0.2  # the weights alone, against the stiffness at rest
+
+
+EFFECTS = (
+    FINGER
+    + "effects: [{kind: gravity_scale, factor: 0.8}, {kind: viscous_damping, time: 0.1 s},"
+    + " {kind: pressure_offset, offset: 1 kPa}]\n"
+)
+
+
+def test_what_cannot_be_carried_is_said(tmp_path) -> None:
+    (tmp_path / "robot.yaml").write_text(EFFECTS)
+    opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
+    carried = carried_chain(opened.bench, opened.study)
+    said = " ".join(carried.sentences)
+    assert "viscous_damping (it has a memory, or needs time)" in said and "pressure_offset" in said
+    assert "gravity_scale" not in said
+    np.testing.assert_allclose(carried.chain.gravity_m_s2, [0.0, 0.0, -0.8 * 9.81])

@@ -1,0 +1,97 @@
+"""Modules of several chambers in skfem: exact slopes, one energy of all pressures, and the symmetries of the body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pliant.errors import UserError
+from pliant.pipeline.sampling.several import SeveralPlan
+from pliant.registry.discovery import discover
+from pliant_plugins.fem.config import SkfemConfig
+from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.manifest import THREE_CHAMBER, TWO_CHAMBER
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+KINDS = {"two_chamber": TWO_CHAMBER, "three_chamber": THREE_CHAMBER}
+MATERIAL = NeoHookean(NeoHookeanConfig.model_validate({"kind": "neo_hookean", "shear_modulus": "240 kPa"}))
+PRESSURES = np.array([9e3, 4e3, 13e3])
+HELD = {"x": 0.1, "y": 0.06, "z": -0.04}
+BACKEND = Skfem(SkfemConfig.model_validate({"kind": "skfem", "pressure_max": "20 kPa"}))
+
+
+def solver_of(kind: str):
+    component = discover().get("family", kind)
+    family = component.build(component.config_model().model_validate({"kind": kind, **KINDS[kind]}))
+    problem = family.problem()
+    held = {axis: HELD[axis] for axis in problem.axes}
+    return BACKEND.checked_solver(problem, MATERIAL), problem, held, PRESSURES[: len(problem.actuations)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_slopes_are_exact_and_travels_are_conjugate(kind: str) -> None:
+    """∂τ/∂a and ∂τ/∂u by differences; dU = τ du + Σ a dtravel; ∂travel_j/∂u_i = ∂τ_i/∂a_j (one energy)."""
+    solver, problem, held, p = solver_of(kind)
+    state = solver.constrained(p, held, solver.rest())
+    size = np.abs(state.dtau_dp).max()
+    for j in range(len(p)):
+        step = np.zeros(len(p))
+        step[j] = 20.0
+        up, down = (solver.constrained(p + sign * step, held, state) for sign in (1, -1))
+        np.testing.assert_allclose((up.tau - down.tau) / 40.0, state.dtau_dp[:, j], atol=1e-5 * size)
+        work = p @ (up.travel - down.travel)
+        assert up.energy_j - down.energy_j == pytest.approx(work, rel=1e-4)
+    for i, axis in enumerate(problem.axes):
+        near = [{**held, axis: held[axis] + sign * 1e-4} for sign in (1, -1)]
+        up, down = (solver.constrained(p, at, state) for at in near)
+        by_u = (up.tau - down.tau) / 2e-4
+        np.testing.assert_allclose(by_u, state.dtau_du[:, i], atol=1e-5 * np.abs(state.dtau_du).max())
+        np.testing.assert_allclose((up.travel - down.travel) / 2e-4, state.dtau_dp[i], atol=1e-5 * size)
+        wanted = p @ (up.travel - down.travel) - (up.tau[i] + down.tau[i]) / 2 * 2e-4
+        assert up.energy_j - down.energy_j == pytest.approx(wanted, abs=1e-7 * state.energy_j)
+
+
+def test_two_chambers_that_change_places_bend_the_other_way() -> None:
+    """τ(p₂, p₁, −u) = −τ(p₁, p₂, u)."""
+    solver, _, _, _ = solver_of("two_chamber")
+    rest = solver.rest()
+    one = solver.constrained([9e3, 4e3], 0.06, rest)
+    other = solver.constrained([4e3, 9e3], -0.06, rest)
+    assert other.moment_n_m == pytest.approx(-one.moment_n_m, rel=1e-7)
+    np.testing.assert_allclose(other.dtau_dp[0, ::-1], -one.dtau_dp[0], rtol=1e-6)
+    assert solver.free([6e3, 6e3], rest).angle_rad == pytest.approx(0.0, abs=1e-9)
+
+
+def test_three_chambers_that_change_places_turn_the_bend_by_120_degrees() -> None:
+    """τ(P a, R u) = R τ(a, u) with R a turn by 120° about x and P the pressures moved to the next chamber."""
+    solver, _, held, p = solver_of("three_chamber")
+    rest = solver.rest()
+    c, s = np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)
+    R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    u = np.array([held[axis] for axis in "xyz"])
+    one = solver.constrained(p, held, rest)
+    moved = dict(zip("xyz", R @ u, strict=True))
+    other = solver.constrained(np.roll(p, 1), moved, rest)
+    np.testing.assert_allclose(other.tau, R @ one.tau, atol=1e-7 * np.abs(one.tau).max())
+
+
+def test_more_pressures_than_chambers_are_one_sentence() -> None:
+    solver, problem, _, _ = solver_of("two_chamber")
+    with pytest.raises(
+        UserError, match="3 inputs are given, and the module has 2: pressure_1_pa, pressure_2_pa"
+    ):
+        solver.free([1e3, 2e3, 3e3], solver.rest())
+    wider = problem.__class__(**{**problem.__dict__, "actuation": f"{problem.actuation}, pressure_3_pa"})
+    with pytest.raises(UserError, match="no cavity for 'pressure_3_pa'"):
+        BACKEND.checked_solver(wider, MATERIAL)
+
+
+def test_limits_are_those_of_each_input() -> None:
+    config = SkfemConfig.model_validate({"pressure_max": "20 kPa", "limits": {"pressure_2_pa": "8 kPa"}})
+    np.testing.assert_array_equal(config.actuation_max("pressure_1_pa, pressure_2_pa"), [20e3, 8e3])
+    assert "limits" not in SkfemConfig.model_validate({"pressure_max": "20 kPa"}).canonical()
+    with pytest.raises(UserError, match="'limits' names pressure_2_pa"):
+        config.actuation_max("pressure_pa")
+    with pytest.raises(UserError, match="is for modules of one actuation"):
+        grid = SkfemConfig.model_validate({"pressure_max": "20 kPa", "sampling": "grid"})
+        SeveralPlan(grid, np.ones(2)).carry_out(None)  # type: ignore[arg-type]
