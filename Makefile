@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all fuzz mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all fuzz mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -45,6 +45,9 @@ imports: $(VENV)/.dev  ## who may import whom
 	$(BIN)/python -m benchmarks.house --circles
 
 check: lint types imports test  ## what CI runs, with the fast tests alone
+
+app-demo: $(VENV)/.dev  ## a user of the evidence page in headless Chromium; pictures in runs/app-demo
+	$(BIN)/python -m pytest -m "" -q tests/app/test_in_the_browser.py
 
 bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, as JSON in benchmarks/out
 

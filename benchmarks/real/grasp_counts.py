@@ -24,12 +24,8 @@ from benchmarks.output import REFERENCE, ROOT, parser_of, write
 
 from pliant import api
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_diagnosis import (
-    CountEvidence,
-    count_evidence,
-    effect_parameters,
-    task_parameters,
-)
+from pliant.diagnosis.counts_evidence import CountEvidence, count_evidence
+from pliant.diagnosis.counts_parameters import effect_parameters, task_parameters
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
 from pliant.report.count_answers import counted as of

@@ -41,7 +41,7 @@ from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.fit import MORE_WITH_POTENTIAL
-from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, prior_of
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System, values_at
 
@@ -203,7 +203,7 @@ def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
     data = known_data(states, np.array(rows), kind).axis("y")
     system = System(data, Domain(states.box[0], states.box[1:]))
     terms = all_terms(DEGREE + energy * MORE_WITH_POTENTIAL, potential=energy)
-    posterior = Posterior.of(system, terms, prior_of(system, terms))
+    posterior = CoefficientPosterior.of(system, terms, prior_of(system, terms))
     x, v = Views.of(states, 1.0).places.T
     return values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
 

@@ -43,9 +43,12 @@ from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import displayed_in
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.inverse.statics import InverseStatics
 from pliant.measurements.block import asked
 from pliant.measurements.files import read_measurements
 from pliant.measurements.written_units import units_as_written
+from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
@@ -55,6 +58,7 @@ from pliant.pipeline.study import (
     check_study,
     fem_of_study,
     laws_of_study,
+    physics_of_study,
     simulate_study,
 )
 from pliant.pipeline.sweep import SweepRun, sweep_study
@@ -187,6 +191,29 @@ def laws(opened: OpenStudy) -> tuple[DesignStages, ...]:
 def simulate(opened: OpenStudy) -> StudyRun:
     """All stages up to the study's task: `pliant simulate`."""
     return simulate_study(opened.bench, opened.study)
+
+
+def inverse(
+    opened: OpenStudy,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    samples: int | None = None,
+) -> InverseStatics:
+    """Which actuations bring the robot where it should be: `solve` a target, follow a `path`, the `reachable` set.
+
+    The task `reach` in a study does the same. The study's task gives its payload; effects of a chain are in place.
+
+    Args:
+        opened: the study; its engine has gradients, or differences of settled states stand for them.
+        bounds: low and high of inputs in SI; by default the domain of the law.
+        samples: equilibria of the reachable set to start from.
+
+    Raises:
+        UserError: a study without a chain, or an input without bounds.
+    """
+    chain = carried_chain(opened.bench, opened.study).chain
+    physics = physics_of_study(opened.bench, opened.study)
+    backend: PhysicsBackend = opened.bench.build("physics", physics)
+    return InverseStatics(backend.build(chain), bounds, samples)
 
 
 def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SearchResult:

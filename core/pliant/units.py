@@ -72,6 +72,7 @@ COMMON = {
     "Hz": {"Hz": 1.0},
     "dimensionless": {"%": 1e-2},
 }
+WITHOUT_DIMENSION = {"rad", "dimensionless"}
 
 
 class UnitError(ValueError):
@@ -109,6 +110,9 @@ def parse_quantity(text: str, unit: str) -> float:
         raise UnitError(f"'{text}' has an unknown unit '{name}'; it {wanted}")
     if name in COMMON.get(unit, {}):
         return number * COMMON[unit][name]
+    other = next((of for of, names in COMMON.items() if name in names), None)
+    if other is not None and unit in COMMON and not {unit, other} <= WITHOUT_DIMENSION:
+        raise UnitError(f"'{text}' is {NAMES[other]}; it {wanted}")
     registry = _pint()
     try:
         quantity = registry.Quantity(number, registry.parse_units(name.replace("%", "percent")))

@@ -16,6 +16,7 @@ from matplotlib.patches import Circle, Rectangle
 from pliant_plugins.families.bellow.profile import BellowProfile
 from pliant_plugins.families.bellow_bending.mesh import BellowGeometry
 from pliant_plugins.families.bellow_helical.family import OFFSET, BellowHelical, BellowHelicalConfig
+from pliant_plugins.families.fibre_reinforced.geometry import TubeGeometry
 from pliant_plugins.families.pneunet.geometry import ChamberGeometry
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 
@@ -357,8 +358,74 @@ def pneunet() -> Figure:
     return figure
 
 
+def fibre_reinforced() -> Figure:
+    g = TubeGeometry(20.0, 6.0, 2.5, 0.5, 2.0, np.radians(50), np.radians(80))
+    height, outer, half = g.axis_height_m, g.radius_m + g.wall_m, g.module_length_m / 2
+    figure, ax, end = sheet((1.3, 1), 5.8)
+    for sign in (1, -1):
+        low = height + sign * g.radius_m if sign > 0 else height - outer
+        ax.add_patch(Rectangle((-half, low), 2 * half, g.wall_m, **SOFT, zorder=3))
+    ax.add_patch(
+        Rectangle(
+            (-half, -g.sleeve_m / 2), 2 * half, g.sleeve_m, facecolor="#f3c9a9", edgecolor=ORANGE, zorder=4
+        )
+    )
+    lean = 2 * outer / np.tan(g.thread_angle_rad)
+    for start in np.arange(-half, half - lean + 0.1, g.thread_spacing_m):
+        for a, b in ((start, start + lean), (start + lean, start)):
+            ax.plot([a, b], [height - outer, height + outer], color=GREY, lw=0.7, zorder=5)
+    ax.plot([-1.08 * half, 1.08 * half], [height, height], color=DARK, lw=0.8, ls="-.", zorder=2)
+    frame(ax, "x", 3.4)
+    dimension(ax, (-half, -0.25), (half, -0.25), "module_length", (0, -2.0), side="below")
+    dimension(ax, (half, height), (half, height + g.radius_m), "radius", (half + 1.0, 0))
+    dimension(ax, (half, height + g.radius_m), (half, height + outer), "wall", (half + 1.0, 0))
+    dimension(ax, (half, -g.sleeve_m / 2), (half, g.sleeve_m / 2), "sleeve", (half + 1.0, 0))
+    spot = -half + 2 * g.thread_spacing_m + lean
+    dimension(
+        ax,
+        (spot, height + outer),
+        (spot + g.thread_spacing_m, height + outer),
+        "thread_spacing",
+        (0, height + outer + 0.8),
+    )
+    note(
+        ax,
+        "threads at ±thread_angle\nfrom the axis",
+        (-half - 4.6, height + 2.5),
+        (-half + 0.6, height + 3.0),
+        GREY,
+    )
+    note(ax, "sheet", (-half - 3.0, 1.4), (-half, 0.0), ORANGE)
+    page(ax, (-half - 8, half + 5), (-4.5, height + outer + 3), "section y = 0; threads seen from the side")
+
+    end.add_patch(Circle((0, height), outer, **SOFT))
+    end.add_patch(
+        Circle((0, height), outer - g.sleeve_m, facecolor="none", edgecolor=BLUE, lw=0.8, ls="--", zorder=3)
+    )
+    end.add_patch(Circle((0, height), g.radius_m, facecolor="white", edgecolor=BLUE, lw=0.8))
+    phi = np.linspace(-g.sheet_angle_rad, g.sheet_angle_rad, 60)
+    ring = [
+        (r * np.sin(phi[::way]), height - r * np.cos(phi[::way]))
+        for r, way in ((outer, 1), (outer - g.sleeve_m, -1))
+    ]
+    end.fill(
+        *(np.concatenate(c) for c in zip(*ring, strict=True)), facecolor="#f3c9a9", edgecolor=ORANGE, zorder=4
+    )
+    edge = outer * np.sin(g.sheet_angle_rad), height - outer * np.cos(g.sheet_angle_rad)
+    for place in ((0.0, height - outer), edge):
+        end.plot([0, place[0]], [height, place[1]], color=GREY, lw=0.8, zorder=5)
+    arc = np.linspace(0, g.sheet_angle_rad, 30)
+    end.plot(4.2 * np.sin(arc), height - 4.2 * np.cos(arc), color=DARK, lw=0.9, zorder=6)
+    note(end, "sheet_angle", (2.6, height - 2.2), (2.6, height - 2.2))
+    note(end, "cavity, p", (0, height + 2.5), (0, height + 2.5), BLUE)
+    frame(end, "y", 3.4)
+    page(end, (-11, 11), (-4.5, height + outer + 3), "seen along x")
+    return figure
+
+
 def main() -> None:
-    for draw in (bellow_bending, bellow_helical, bellow_translational, tendon_joint, pneunet):
+    kinds = (bellow_bending, bellow_helical, bellow_translational, tendon_joint, pneunet, fibre_reinforced)
+    for draw in kinds:
         path = OUT / f"family_{draw.__name__}.png"
         draw().savefig(path, facecolor="white")
         print(f"written  {path}")

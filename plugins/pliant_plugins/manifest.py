@@ -71,6 +71,16 @@ PNEUNET = {
     "channel_height": "1.5 mm",
     "layer": "1 mm",
 }
+WOUND_TUBE = {
+    "module_length": "10 mm",
+    "radius": "6 mm",
+    "wall": "2.5 mm",
+    "sleeve": "0.5 mm",
+    "thread_angle": "86 deg",
+    "thread_spacing": "2 mm",
+    "thread_stiffness": "500 N",
+    "sheet_angle": "50 deg",
+}
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
     f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
@@ -135,6 +145,14 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.pneunet.family:Pneunet",
             summary="chambers with thin walls on a strain-limiting layer of another material; pressure bends the row",
             example=PNEUNET,
+        ),
+        Component(
+            interface="family",
+            kind="fibre_reinforced",
+            config=f"{HERE}.families.fibre_reinforced.family:FibreReinforcedConfig",
+            implementation=f"{HERE}.families.fibre_reinforced.family:FibreReinforced",
+            summary="tube wound with threads, with a sheet along one side; pressure bends it toward the sheet",
+            example=WOUND_TUBE,
         ),
         Component(
             interface="family",
@@ -326,6 +344,14 @@ def _engines() -> list[Component]:
             implementation=f"{HERE}.tasks.follow_shape:FollowShape",
             summary="distance of the settled backbone to a target curve, by normalised arc length",
             example={"pressure": "15 kPa", "target": {"radius": "18 mm", "height": "60 mm"}},
+        ),
+        Component(
+            interface="task",
+            kind="reach",
+            config=f"{HERE}.tasks.reach:ReachConfig",
+            implementation=f"{HERE}.tasks.reach:Reach",
+            summary="find the actuations that bring tip, direction or backbone to a target, or along a path",
+            example={"tip": ["20 mm", "0 mm", "-70 mm"], "bounds": {"pressure_pa": ["0 kPa", "15 kPa"]}},
         ),
         Component(
             interface="task",

@@ -53,6 +53,21 @@ def test_common_units_are_to_the_last_bit_those_of_pint(unit, number):
         assert parse_quantity(f"{number!r} {name}", unit) == registry.Quantity(number, written).to(unit).m
 
 
+def test_common_units_of_another_kind_are_refused_as_pint_refuses_them(monkeypatch):
+    texts = [f"2 {name}" for names in COMMON.values() for name in names if name != "%"]
+
+    def answer(text, unit):
+        try:
+            return parse_quantity(text, unit)
+        except UnitError as error:
+            return str(error)
+
+    quick = {(text, unit): answer(text, unit) for text in texts for unit in COMMON}
+    monkeypatch.setattr(units, "COMMON", {})
+    assert quick == {(text, unit): answer(text, unit) for text, unit in quick}
+    assert "is a length" in quick["2 mm", "Pa"]
+
+
 @given(text=st.text(max_size=20), unit=st.sampled_from(sorted(EXAMPLES)))
 def test_any_text_is_a_number_or_a_sentence(text, unit):
     try:

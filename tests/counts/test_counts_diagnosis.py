@@ -6,15 +6,9 @@ from tests.counts.counts_study import HEADER, STUDY
 
 from pliant.config.loading import load_study
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_diagnosis import (
-    VariedParameter,
-    effect_parameters,
-    judge_counts,
-    levels_of,
-    probabilities,
-    task_parameters,
-    weighed,
-)
+from pliant.diagnosis.counts_evidence import probabilities, weighed
+from pliant.diagnosis.counts_parameters import VariedParameter, effect_parameters, levels_of, task_parameters
+from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, Setting, counted_study

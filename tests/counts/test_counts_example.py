@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
-from pliant.diagnosis.counts_diagnosis import task_parameters
+from pliant.diagnosis.counts_parameters import task_parameters
 from pliant.evidence.counts import compare_counts, counted_study
 from pliant.registry.discovery import discover
 

@@ -7,7 +7,8 @@ from tests.counts.test_counts_diagnosis import counted, scan, sets_of, shares
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, labels_before_the_picture
 
-from pliant.diagnosis.counts_diagnosis import judge_counts, weighed
+from pliant.diagnosis.counts_evidence import weighed
+from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.evidence.counts import compare_counts
 from pliant.records.counts import Counts
 from pliant.registry.discovery import discover

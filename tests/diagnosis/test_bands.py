@@ -17,7 +17,7 @@ from pliant.diagnosis.bands import bands, study_bands
 from pliant.diagnosis.extension import Ground, extend, write_extended_study
 from pliant.diagnosis.kept_posterior import kept_posterior
 from pliant.diagnosis.posterior import Posterior
-from pliant.diagnosis.scatter import Scatter
+from pliant.diagnosis.scatter import ReadingScatter
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
 
@@ -78,7 +78,7 @@ def test_the_band_is_as_wide_as_the_noise_and_as_what_the_fit_left(written):
     _, found, measurement = written
     predictor = Ground.of(BENCH, load_study(written[0], REGISTRY), measurement).predictor
     sure = Posterior(found.candidate, found.posterior.x, 1e-12 * found.posterior.covariance, 1e6)
-    for scatter, wanted in ((Scatter(0.01, 0.004), 0.01), (Scatter(0.01, 0.03), 0.03)):
+    for scatter, wanted in ((ReadingScatter(0.01, 0.004), 0.01), (ReadingScatter(0.01, 0.03), 0.03)):
         made = bands(predictor, sure, {"angle_rad": scatter}, level=0.9)
         assert made.half_width()["angle_rad"] == pytest.approx(1.6449 * wanted, rel=1e-3)
     assert bands(predictor, sure, {}).half_width() == {}
@@ -100,7 +100,7 @@ def test_a_law_with_an_error_bar_widens_the_band(folder):
     found = extend(ground, (), ["viscoelastic"], profiles=False)
     exact = ground.predictor.chain.with_(laws=tuple(_exact(law) for law in ground.predictor.chain.laws))
     without = replace_chain(ground.predictor, exact)
-    quiet = {"angle_rad": Scatter(1e-6, 0.0)}
+    quiet = {"angle_rad": ReadingScatter(1e-6, 0.0)}
     (a, b) = (
         bands(p, found.posterior, quiet, count=16).half_width()["angle_rad"]
         for p in (without, ground.predictor)

@@ -17,6 +17,7 @@ from pliant.meshing.surfaces import mirrored
 from pliant.pipeline.workbench import content
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.testing.box import HALF_LENGTH_M, Z, box_mesh, box_problem, spatial_box_mesh, tetrahedral
+from pliant_plugins.families.chambers.two_chamber import TwoChamberConfig, build_mesh
 from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
@@ -233,6 +234,26 @@ def test_volumes_of_the_file_are_regions(tmp_path: Path, box: ModuleMesh) -> Non
         _ = family(tmp_path / "two.msh", regions=["flor"]).piece
 
 
+def test_two_chambers_are_driven_by_two_pressures(tmp_path: Path) -> None:
+    """Two opposed chambers in tetrahedra, with a name and a pressure each."""
+    sizes = {"width_m": 20e-3, "height_m": 20e-3, "wall_m": 2e-3, "web_m": 2e-3, "module_length_m": 10e-3}
+    whole = build_mesh(TwoChamberConfig.model_validate(sizes))
+    mesh = tetrahedral(whole)
+    names = {"high": whole.cavities["pressure_1_pa"], "low": whole.cavities["pressure_2_pa"]}
+    faces = {name: mesh.skin[np.isin(mesh.skin, wall).all(axis=1)] for name, wall in names.items()}
+    for name, (axis, place) in {"base": (0, 0.0), "tip": (0, 5e-3), "mirror": (1, 0.0)}.items():
+        faces[name] = mesh.skin[np.all(np.abs(mesh.nodes_m[mesh.skin][..., axis] - place) < 1e-9, axis=1)]
+    found = family(written(tmp_path / "two.msh", mesh, faces), cavity=["high", "low"])
+    assert found.actuation == "pressure_1_pa, pressure_2_pa"
+    assert found.design.parameters["cavity"] == "high,low"
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=1e5))
+    slopes = Skfem(SkfemConfig(pressure_max_pa=2e3)).solver(found.problem(), material).rest().dtau_dp
+    assert slopes.shape == (1, 2)
+    assert slopes[0, 0] > 0
+    # the body is symmetric about its web, its cut into tetrahedra is not quite
+    assert slopes[0, 1] == pytest.approx(-slopes[0, 0], rel=0.05)
+
+
 def test_the_key_holds_the_file_s_content_not_its_place(tmp_path: Path, box: ModuleMesh) -> None:
     first = written(tmp_path / "a.msh", box, faces_of(box))
     second = tmp_path / "b.msh"
@@ -347,8 +368,8 @@ def test_wrong_studies_get_one_sentence(tmp_path: Path, box: ModuleMesh) -> None
         family(tmp_path / "bx.msh")
     with pytest.raises(UserError, match="none of .msh, .vtu, .inp"):
         family(tmp_path / "box.step")
-    with pytest.raises(ValueError, match="names 2 surfaces; a module has one chamber"):
-        family(path, cavity=["left", "right"])
+    with pytest.raises(UserError, match="each chamber's wall has its own name"):
+        family(path, cavity=["cavity", "cavity"])
     with pytest.raises(UserError, match="cannot refine"):
         family(path).problem(refinement=2)
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.lab_files.files import DEG, KPA, MBAR, MS, P, T, matlab, named, spreadsheet, stamps
 from tests.lab_files.judge import difference, kind_of, read
 from tests.lab_files.lab_file import LabFile, digits, rows, text
+from tests.lab_files.written import DEG, KPA, MBAR, MS, P, T, matlab, named, spreadsheet, stamps
 
 from pliant.measurements.files import read_measurements
 

@@ -13,7 +13,7 @@ from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy_fit import compared, fit_apart, fit_energy
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
-from pliant_plugins.surrogates.polynomial.posterior import Posterior
+from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior
 from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.polynomial.system import System
 
@@ -112,7 +112,7 @@ def test_misses_of_one_axis_are_those_of_refitting_without_the_state(data: Modul
     states = split(replace(data, tau=data.tau + noise).rows(data.explored == "y").axis("y"))
     system = System(states.fit, states.domain)
     terms = np.array([(i, j) for i in range(3) for j in range(3)])
-    posterior = Posterior.of(system, terms)
+    posterior = CoefficientPosterior.of(system, terms)
     assert posterior is not None
     matrix, right, state = system.rows(terms)
     for k in (0, 4):

@@ -11,7 +11,7 @@ from tests.surrogates.laws import BOX, states
 from pliant.pipeline.residuals import module_of
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of, solve
+from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System
 
@@ -72,7 +72,7 @@ def test_rows_are_the_derivatives_of_one_potential() -> None:
 
 def test_terms_without_effort_bear_none() -> None:
     system, terms = System(polynomial_module(), BOX), all_terms(3, potential=True)
-    posterior = Posterior.of(system, terms, prior_of(system, terms))
+    posterior = CoefficientPosterior.of(system, terms, prior_of(system, terms))
     assert posterior is not None and posterior.potential
     alone = terms[:, 1] < 0
     x, v = np.array([0.3, -0.8]), np.array([-0.1, 0.9])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.lab_files.files import matlab, parquet, spreadsheet
+from tests.lab_files.written import matlab, parquet, spreadsheet
 
 from pliant.calibration.reading import read_bench_data
 from pliant.errors import UserError

@@ -19,6 +19,7 @@ from pliant.evidence.places import padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.measurements.effective import effective_samples
+from pliant.mechanics.shared_elasticity import sharing_elasticity
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
@@ -142,7 +143,8 @@ class _Errors:
     def of(self, values: Array) -> list[dict[str, Array]]:
         """Per run by output (t,), SI; NaN where nothing was read or the model has no equilibrium."""
         config = _with(self.config, dict(zip(self.names, values.tolist(), strict=True)))
-        chain = self.chain.with_(laws=(self.bench.build("surrogate", config).stated(),))
+        stated = self.bench.build("surrogate", config).stated()
+        chain = self.chain.with_(laws=(sharing_elasticity(stated, int(self.chain.parts.max())),))
         predictor = Predictor(self.bench, self.backend, chain, self.measurement, self.effects)
         return [
             {name: run.outputs[name] - model[name] for name in self.outputs}

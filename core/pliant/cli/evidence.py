@@ -14,7 +14,9 @@ from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.candidates import candidate_kinds
-from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
+from pliant.diagnosis.counts_evidence import count_evidence
+from pliant.diagnosis.counts_parameters import effect_parameters, task_parameters
+from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare as compare_with

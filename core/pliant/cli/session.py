@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
 from pliant.records.counts import Counts
 from pliant.records.measurement import Measurement
+from pliant.records.plain_values import plain as plain
 from pliant.registry.discovery import discover
 from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
@@ -197,18 +197,3 @@ def _write_json(here: Session) -> None:
             write_atomically(path.resolve(), text + "\n")
     except OSError as error:
         raise UserError(f"--json: {path} cannot be written ({error.strerror}).") from None
-
-
-def plain(value: Any) -> Any:
-    """Arrays and numpy numbers as JSON values; what is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value

@@ -34,6 +34,7 @@ VERBS = {
     "plan": "plan",
     "extend": "extend",
     "improve": "improve",
+    "app": "evidence_page",
     "import": "importing",
     "export": "export",
     "render": "render",

@@ -18,7 +18,7 @@ from pliant.diagnosis.exploration import SEED, draws_for
 from pliant.diagnosis.extension import Ground
 from pliant.diagnosis.kept_posterior import kept_posterior
 from pliant.diagnosis.posterior import Posterior
-from pliant.diagnosis.scatter import Scatter
+from pliant.diagnosis.scatter import ReadingScatter
 from pliant.errors import UserError
 from pliant.evidence.prediction import Predictor, RunReadings
 from pliant.pipeline.simulate import drawn_chains
@@ -79,7 +79,7 @@ class Bands:
 def bands(
     predictor: Predictor,
     posterior: Posterior,
-    scatter: Mapping[str, Scatter],
+    scatter: Mapping[str, ReadingScatter],
     level: float = LEVEL,
     count: int | None = None,
 ) -> Bands:
@@ -110,7 +110,7 @@ def bands(
         low.append({})
         high.append({})
         for name in predictor.outputs:
-            known = scatter.get(name, Scatter(np.nan, np.nan))
+            known = scatter.get(name, ReadingScatter(np.nan, np.nan))
             single = np.maximum(known.floor**2 + of_laws[name], known.left**2)
             half = quantile * np.sqrt(of_parameters[name] + single)
             low[-1][name], high[-1][name] = centre[name] - half, centre[name] + half

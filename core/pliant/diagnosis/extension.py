@@ -34,7 +34,7 @@ from pliant.diagnosis.learned_term import KIND, LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.posterior import Posterior, posterior_of
-from pliant.diagnosis.scatter import Scatter, scatter_of
+from pliant.diagnosis.scatter import ReadingScatter, scatter_of
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
 from pliant.evidence.places import Residuals, residuals_of
 from pliant.evidence.prediction import Predictor
@@ -85,7 +85,7 @@ class Extension:
     left_out: Residuals | None
     left_out_runs: Residuals
     posterior: Posterior
-    scatter: Mapping[str, Scatter]
+    scatter: Mapping[str, ReadingScatter]
     exploration: Exploration | None = None
 
     @property

@@ -11,7 +11,7 @@ from pliant.config.posterior import PosteriorConfig
 from pliant.config.study import Study
 from pliant.diagnosis.candidates import StudyCandidate
 from pliant.diagnosis.posterior import Posterior
-from pliant.diagnosis.scatter import Scatter
+from pliant.diagnosis.scatter import ReadingScatter
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
@@ -28,10 +28,10 @@ class KeptPosterior:
     """What a study keeps of a fit: its posterior, and the scatter of single readings by output."""
 
     posterior: Posterior
-    scatter: Mapping[str, Scatter]
+    scatter: Mapping[str, ReadingScatter]
 
 
-def block_of(posterior: Posterior, scatter: Mapping[str, Scatter]) -> PosteriorConfig:
+def block_of(posterior: Posterior, scatter: Mapping[str, ReadingScatter]) -> PosteriorConfig:
     """The block of a study whose effects have the posterior's values."""
     return PosteriorConfig(
         parameters=posterior.names,
@@ -80,7 +80,7 @@ def kept_posterior(registry: Registry, study: Study) -> KeptPosterior | None:
     spread = np.array(block.sd)[order] / rates
     correlation = _positive(np.array(block.correlation)[np.ix_(order, order)])
     posterior = Posterior(candidate, x, correlation * np.outer(spread, spread), block.freedom)
-    outputs = {name: Scatter(block.noise.get(name, 0.0), left) for name, left in block.left.items()}
+    outputs = {name: ReadingScatter(block.noise.get(name, 0.0), left) for name, left in block.left.items()}
     return KeptPosterior(posterior, outputs)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pliant.diagnosis.fitting import ReadingVector
 from pliant.diagnosis.learned_forms import TUNED, LearnedForm, SeenMotion
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.smooth_fit import LinearModel, Prior, Sums, left_out, most_likely
+from pliant.diagnosis.smooth_fit import CurvePrior, LinearModel, Sums, left_out, most_likely
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -88,7 +88,7 @@ class _Fitted:
     """
 
     form: LearnedForm
-    prior: Prior
+    prior: CurvePrior
     models: tuple[LinearModel, ...]
     mean: Array
     left: Array
@@ -183,7 +183,7 @@ class _Learner:
         prior = most_likely(form.axes, sums, self.n_effective, self.floor_square)
         return None if prior is None else self._fitted(form, prior, (model,))
 
-    def _fitted(self, form: LearnedForm, prior: Prior, models: tuple[LinearModel, ...]) -> _Fitted:
+    def _fitted(self, form: LearnedForm, prior: CurvePrior, models: tuple[LinearModel, ...]) -> _Fitted:
         slopes = models[-1].slopes
         mean, _ = prior.posterior(slopes.T @ slopes, slopes.T @ models[-1].aim)
         return _Fitted(form, prior, models, mean, left_out(prior, models, self.folds))
@@ -263,7 +263,7 @@ class _Learner:
                 break
         return one
 
-    def _cost(self, model: LinearModel, prior: Prior, factor: Array) -> float:
+    def _cost(self, model: LinearModel, prior: CurvePrior, factor: Array) -> float:
         """−2 log posterior of the model's values."""
         away = factor @ model.value
         return prior.weight * float(model.residual @ model.residual) + float(away @ away)

@@ -12,7 +12,7 @@ from pliant.records.design import Array
 
 
 @dataclass(frozen=True)
-class Scatter:
+class ReadingScatter:
     """How single readings of one output lie about a fitted model, standard deviations in its SI unit.
 
     Attributes:
@@ -24,7 +24,9 @@ class Scatter:
     left: float
 
 
-def scatter_of(noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitted: int) -> dict[str, Scatter]:
+def scatter_of(
+    noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitted: int
+) -> dict[str, ReadingScatter]:
     """Of a fit of so many parameters, which count against the independent readings of all outputs together.
 
     Args:
@@ -40,5 +42,5 @@ def scatter_of(noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitte
         if len(there):
             floor = noise.floors[name].value if name in noise.floors else 0.0
             left = float(np.sqrt(np.mean(there**2))) * more
-            found[name] = Scatter(floor if np.isfinite(floor) else 0.0, left)
+            found[name] = ReadingScatter(floor if np.isfinite(floor) else 0.0, left)
     return found

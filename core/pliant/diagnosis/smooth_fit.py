@@ -54,7 +54,7 @@ class Sums:
 
 
 @dataclass(frozen=True, eq=False)
-class Prior:
+class CurvePrior:
     """Size and length of a curve, with what a reading weighs beside it.
 
     Attributes:
@@ -81,7 +81,7 @@ class Prior:
 
 def most_likely(
     axes: Sequence[CurveAxis], sums: Sums, n_effective: float, floor_square: float
-) -> Prior | None:
+) -> CurvePrior | None:
     """The prior under which the readings are most likely; None where the curve moves no reading, or one without end."""
     gram, right, n = sums.gram.sum(axis=0), sums.right.sum(axis=0), float(sums.count.sum())
     if not 0.0 < np.trace(gram) < np.inf:
@@ -100,7 +100,7 @@ def most_likely(
 
 def _priors(
     axes: Sequence[CurveAxis], gram: Array, right: Array, weight: float
-) -> Iterator[tuple[float, Prior]]:
+) -> Iterator[tuple[float, CurvePrior]]:
     """Log evidence, up to a constant, and prior of every length and size."""
     options = [
         [length for length in (LENGTHS if k == 0 else SECOND_LENGTHS) if length * (axis.knots - 1) > 0.5]
@@ -119,7 +119,7 @@ def _priors(
         for size in SIZES / max(float(values.sum()), 1e-300) * len(values):
             shrunk = 1.0 + size * values
             evidence = -0.5 * float(np.log(shrunk).sum()) + 0.5 * float((size * along / shrunk).sum())
-            yield evidence, Prior(np.sqrt(size) * lower, weight, lengths)
+            yield evidence, CurvePrior(np.sqrt(size) * lower, weight, lengths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class LinearModel:
         return self.residual + self.slopes @ self.value
 
 
-def left_out(prior: Prior, models: Sequence[LinearModel], groups: NDArray[np.intp]) -> Array:
+def left_out(prior: CurvePrior, models: Sequence[LinearModel], groups: NDArray[np.intp]) -> Array:
     """(N,) residual of each reading, the curve's values known from the other groups only.
 
     Values come from the last of the models, and predict by the one that they are nearest to: without the only group

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import ClassVar, Self
@@ -13,12 +13,16 @@ import numpy as np
 
 from pliant.errors import ContractError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, Sensitivity
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
 from pliant.records.scene import Contact, Scene, SceneState
+
+# Half-width of central differences, as a share of an input.
+DIFFERENCE = 1e-3
 
 
 class PhysicsConfig(ComponentConfig):
@@ -119,6 +123,50 @@ class Simulation(EngineHandle, ABC):
             UserError: the last `settle` did not converge, or ended where the stiffness is singular.
         """
         raise ContractError(f"{type(self).__name__} has no gradients (Capabilities.gradients is False)")
+
+    def respond(self, inputs: Inputs, start: Array | None = None) -> Response:
+        """The equilibrium under these inputs with its slopes by the actuations.
+
+        By `settle` and `sensitivity`, or differences of settled states where an engine has no gradients.
+
+        Args:
+            inputs: actuation and loads.
+            start: (n, a) joint coordinates to begin at, where the engine can use them.
+        """
+        self.apply(inputs)
+        found, names = self.settle(), self.chain.inputs
+        if not found.converged:
+            return self._response(found, np.zeros((len(names), *found.markers_m.shape)), None)
+        try:
+            slopes = self.sensitivity()
+        except ContractError:
+            return self._differences(inputs, found)
+        by_input = np.array([slopes.markers_m[name] for name in names])
+        turned = np.array([slopes.joint_angles[name] for name in names])
+        return self._response(found, by_input, turned)
+
+    def _differences(self, inputs: Inputs, found: Equilibrium) -> Response:
+        """The response by central differences of settled states."""
+        by_input, turned = [], []
+        for name in self.chain.inputs:
+            step = DIFFERENCE * max(abs(inputs.actuation[name]), 1.0)
+            sides = []
+            for way in (step, -step):
+                self.apply(
+                    replace(inputs, actuation={**inputs.actuation, name: inputs.actuation[name] + way})
+                )
+                sides.append(self.settle())
+            by_input.append((sides[0].markers_m - sides[1].markers_m) / (2 * step))
+            turned.append((sides[0].joint_angles - sides[1].joint_angles) / (2 * step))
+        return self._response(found, np.array(by_input), np.array(turned))
+
+    def _response(self, found: Equilibrium, by_input: Array, turned: Array | None) -> Response:
+        pose = ChainGeometry.of(self.chain).forward(found.joint_angles)
+        spin = np.zeros((len(by_input), 3))
+        if turned is not None and self.chain.laws[0].joint != "prismatic":
+            spin = np.einsum("nia,kna->ki", pose.directions, turned)
+        parts = (found.joint_angles, found.markers_m, by_input, pose.rotations[-1], spin)
+        return Response(*parts, turned is not None, not found.outside_domain)
 
 
 class SceneSimulation(EngineHandle, ABC):

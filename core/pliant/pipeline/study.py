@@ -424,7 +424,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         without_tables({k: v for k, v in content(segment).items() if k != "family"})
         for segment in chain.as_segments()
     ]
-    config = {
+    config: dict[str, Any] = {
         "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
         "segments": pieces,
         "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],

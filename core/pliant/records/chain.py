@@ -119,6 +119,11 @@ class ChainModel:
         return self.laws[0].axes
 
     @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, each once, in the order of the actuators."""
+        return tuple(dict.fromkeys(actuator.input for actuator in self.actuators))
+
+    @property
     def length_m(self) -> float:
         """Length from base to tip at rest."""
         return float(sum(np.linalg.norm(j.offset_m) for j in self.joints) + np.linalg.norm(self.tip_offset_m))

@@ -110,6 +110,24 @@ class Tendon:
 
 
 @dataclass(frozen=True, eq=False)
+class Fibres:
+    """Threads of one direction, spread over some cells: ½ κ (λ − 1)² per reference volume, λ the stretch along them.
+
+    They are bonded to the cells' own material and resist being shortened as much as being stretched.
+
+    Attributes:
+        cells: (k,) numbers of the cells.
+        directions: (k, 27, 3) vectors along the threads at the cells' nodes, in the module frame; their lengths do
+            not matter, their senses agree within a cell.
+        stiffness_pa: κ, a thread's EA over the section of the solid that it stands for.
+    """
+
+    cells: IntArray
+    directions: Array
+    stiffness_pa: float
+
+
+@dataclass(frozen=True, eq=False)
 class Link:
     """Displacements of nodes `second` follow those of nodes `first`: v_c(second) = sign_c · v_c(first).
 
@@ -177,6 +195,7 @@ class ModuleProblem:
         joint: kind of the module's joint.
         stretches: whether e is an unknown; else e = 0 (an inextensible line).
         ribbons: bands at the height of the reference line.
+        fibres: threads in the solid, each set of one direction.
         actuation: name of the input, `pressure_pa` or `tendon_force_n`; of several, all names
             (`pressure_1_pa, pressure_2_pa`), each pressure with its faces in `mesh.cavities`.
         tendon: the cord of `tendon_force_n`.
@@ -200,6 +219,7 @@ class ModuleProblem:
     joint: JointKind = "revolute"
     stretches: bool = True
     ribbons: tuple[Ribbon, ...] = ()
+    fibres: tuple[Fibres, ...] = ()
     actuation: str = "pressure_pa"
     tendon: Tendon | None = None
     frame: Literal["rod"] = "rod"
@@ -215,6 +235,7 @@ class ModuleProblem:
             "regions": self.mesh.regions,
             "tetrahedra": self.mesh.cells.shape[1] == 10,
             "ribbons": self.ribbons,
+            "fibres": self.fibres,
             "tendon": self.tendon,
             "links": self.links,
             "ties": any(self.tied.values()),

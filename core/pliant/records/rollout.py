@@ -160,3 +160,26 @@ class Sensitivity:
 
     joint_angles: Mapping[str, Array]
     markers_m: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """An equilibrium and how it answers to the inputs to first order.
+
+    Attributes:
+        joint_angles: (n, a).
+        markers_m: (n + 2, 3) base, joints, tip.
+        by_input: (k, n + 2, 3) change of the markers per unit of each input.
+        tip_rotation: (3, 3) attitude of the last body in the world.
+        tip_spin: (k, 3) its angular velocity per unit of each input.
+        converged: whether it is an equilibrium with slopes.
+        inside: whether every law has data there.
+    """
+
+    joint_angles: Array
+    markers_m: Array
+    by_input: Array
+    tip_rotation: Array
+    tip_spin: Array
+    converged: bool
+    inside: bool

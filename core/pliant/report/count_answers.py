@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement
+from pliant.diagnosis.counts_evidence import CountEvidence
+from pliant.diagnosis.counts_verdict import CountJudgement
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.verdict import named
 from pliant.evidence.binomial import Count

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement, Explanation
+from pliant.diagnosis.counts_evidence import CountEvidence, Explanation
+from pliant.diagnosis.counts_verdict import CountJudgement
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.verdict import named
 from pliant.evidence.counts import CountComparison

@@ -45,6 +45,10 @@ STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published stud
 def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifests: Manifests) -> Drawn:
     """The states of the first design on top, then all of them."""
     shapes = shape_section([(d.name, d.data.axis(d.data.main_axis)) for d in designs])
+    if shapes is not None and any(len(d.data.actuations) > 1 for d in designs):
+        # Pictures of states are over one actuation; the table has them all.
+        hero, *others = shapes.pictures
+        return drawn(hero, replace(shapes, pictures=tuple(others)), *closing_sections(study, manifests))
     states, *rest = data_sections(designs)
     hero, *others = states.pictures
     states = replace(states, pictures=tuple(others))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed, plural
 from pliant.records.actuation import names_of as actuations_of
-from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
+from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.report.document import Warned
 
 LISTED = 12  # entries that a warning spells out
@@ -94,6 +94,11 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
         found.append(
             f"In {passed} of {len(data)} states convolutions pass through each other, as 'fem.self_contact: pass' "
             "lets them: a real module is stiffer there."
+        )
+    if met := int(np.sum(data.status == TOUCHING)):
+        found.append(
+            f"In {met} of {len(data)} states walls touch and hold each other, without friction: the law bends "
+            "where they meet, which 'surrogate: {kind: table}' follows better than a polynomial."
         )
     other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))
     if other.any():

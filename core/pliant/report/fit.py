@@ -188,7 +188,7 @@ def fitted_law(
     surrogate: Surrogate = bench.build("surrogate", config)
     data = as_scored(_of_tables(surrogate, stage) if data is None else data, stage.report)
     curve = None
-    if learning and len(surrogate.tables()) <= 1:
+    if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
         curve = learning_stage(bench, config, data, {"law": stage.artifact.key})
     details = stage.report.details
     own = "study_form" in details or any(

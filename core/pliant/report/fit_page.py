@@ -11,6 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from pliant.formatting import actuation_unit, deformation_unit, number, percent
+from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import FitReport
@@ -45,6 +46,11 @@ def fit_drawn(
     several: bool,
 ) -> Drawn:
     """The first law on top; then all of `fitted`, named where they are `several`, those `compared` side by side."""
+    if len(fitted[0].law.actuations) > 1:  # pictures are over one actuation: the first, the others at zero
+        design = DesignResult(fitted[0].name, None, of_one_input(fitted[0].law), None, None)
+        made = law_picture(FinishedRun({}, {}, (), (), ()), design)
+        caption = f"The law under {design.law.actuation_name} alone, the other inputs at zero."
+        return drawn(Picture("fit_law", caption, made), *closing_sections(study, manifests))
     hero, *others = law_pictures(fitted[0])
     sections = [section("The law about the other axes", *others), comparison_section(compared)]
     for count, one in enumerate(fitted):

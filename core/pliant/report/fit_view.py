@@ -11,6 +11,7 @@ import numpy as np
 
 from pliant.formatting import Unit, effort_unit
 from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.residuals import Residuals
 from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
@@ -204,8 +205,10 @@ def slope_unit(law: JointLaw) -> Unit:
 def least_stable(law: JointLaw, count: int = 4000) -> float:
     """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
 
-    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`.
+    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`; of several inputs under the
+    first alone (the fit's own report has the largest slope over the whole box).
     """
+    law = of_one_input(law)
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
     slopes = law.evaluate(values[:, 0], values[:, 1:]).dtau_du
@@ -231,6 +234,8 @@ def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
 
     SI: actuation (Pa or N), deformation (rad or m), slope. Empty for a law without a finite domain.
     """
+    if len(law.actuations) > 1:  # the fit's report has its largest slope
+        return []
     if not all(np.all(np.isfinite(side)) for side in (law.domain.actuation, law.domain.deformation)):
         return []
     found = []

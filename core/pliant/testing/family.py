@@ -95,10 +95,7 @@ def mesh_is_one_closed_body(subject: Subject) -> None:
 
 
 def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
-    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
-
-    Of several pressures each has its part of them in `cavities`, no face in two.
-    """
+    """`cavity`: wetted faces, ∂x/∂a × ∂x/∂b out of the solid; `cavities`: the part of each of several pressures."""
     problem, mesh = _problem(subject), _problem(subject).mesh
     pressures = [
         name for name in problem.actuations if is_known(name) and actuation_kind(name).name == "pressure_pa"

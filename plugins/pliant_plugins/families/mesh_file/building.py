@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import InvalidDesignError, closest
-from pliant.meshing.cells import boundary_faces, kind_of_faces
+from pliant.meshing.cells import kind_of_faces
 from pliant.meshing.raising import as_quadratic, mirrored_y
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
@@ -25,7 +25,13 @@ from pliant_plugins.families.mesh_file.placing import (
 )
 from pliant_plugins.families.mesh_file.quality import require_sound
 from pliant_plugins.families.mesh_file.reading import VolumeFile, read_volume
-from pliant_plugins.families.mesh_file.surfaces import Skin, named_faces, require_disjoint, require_watertight
+from pliant_plugins.families.mesh_file.surfaces import (
+    Skin,
+    named_faces,
+    require_disjoint,
+    require_watertight,
+    rows_in,
+)
 
 PLANES = ("start", "end", "symmetry")
 
@@ -39,7 +45,7 @@ class Wanted:
     up: str
     base: str
     tip: str
-    cavity: str
+    cavities: tuple[str, ...]
     symmetry: str | None
     regions: tuple[str, ...]
     line_height_m: float
@@ -80,20 +86,20 @@ def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePi
     require_unit(nodes, wanted.unit, file.name)
     poor = require_sound(nodes, cells, file.nodes[file.cells].mean(axis=1), file.name)
     skin = Skin.of(nodes, cells)
-    roles = {"base": wanted.base, "tip": wanted.tip, "cavity": wanted.cavity}
+    roles = [(wanted.base, "base"), (wanted.tip, "tip"), *((name, "cavity") for name in wanted.cavities)]
     if wanted.symmetry is not None:
-        roles["symmetry"] = wanted.symmetry
-    chosen = {name: named_faces(file, skin, name, role) for role, name in roles.items()}
+        roles.append((wanted.symmetry, "symmetry"))
+    chosen = {name: named_faces(file, skin, name, role) for name, role in roles}
     require_disjoint(chosen, file)
     nodes, span, lower = _placed(nodes, skin, chosen, wanted)
     sets = _node_sets(nodes, span, wanted.symmetry is not None)
     planes = [np.isin(np.arange(len(nodes)), sets[name]) for name in PLANES if name in sets]
-    require_watertight(file.nodes, skin, chosen[wanted.cavity], planes, wanted.cavity)
-    wetted = np.sort(skin.corners[chosen[wanted.cavity]], axis=1)
+    for name in wanted.cavities:
+        require_watertight(file.nodes, skin, chosen[name], planes, name)
+    walls = {name: skin.corners[chosen[name]] for name in wanted.cavities}
     if lower:
         nodes, cells = mirrored_y(nodes, cells)
-    mesh = replace(_mesh(nodes, cells, wetted, sets), regions=_regions(file, wanted.regions))
-    _require_hollow(mesh, wanted.cavity)
+    mesh = replace(_mesh(nodes, cells, walls, sets), regions=_regions(file, wanted.regions))
     return FilePiece(
         mesh, span, wanted.symmetry is not None, _remarks(file, len(cells), poor, wanted.regions)
     )
@@ -143,17 +149,21 @@ def _node_sets(nodes: Array, span: float, symmetric: bool) -> dict[str, IntArray
     return {**sets, "level": start[[np.argmax(np.abs(z[start] - z[pin]))]]}
 
 
-def _mesh(nodes: Array, cells: IntArray, wetted: IntArray, sets: dict[str, IntArray]) -> ModuleMesh:
-    """`wetted`: (f, corners) of the cavity's faces, ascending."""
+def _mesh(nodes: Array, cells: IntArray, walls: dict[str, IntArray], sets: dict[str, IntArray]) -> ModuleMesh:
+    """`walls`: (f, corners) of each cavity's faces, ascending."""
     skin = Skin.of(nodes, cells)
-    both = np.unique(np.concatenate([wetted, skin.corners]), axis=0, return_inverse=True)[1].reshape(-1)
-    cavity = skin.faces[np.isin(both[len(wetted) :], both[: len(wetted)])]
-    return ModuleMesh(nodes, cells, cavity, boundary_faces(cells)[0], sets)
+    cavities = {}
+    for number, (name, wall) in enumerate(walls.items(), start=1):
+        faces = skin.faces[rows_in(skin.corners, wall)]
+        _require_hollow(nodes, faces, name)
+        cavities[f"pressure_{number}_pa"] = faces
+    every = np.concatenate([*cavities.values()])
+    return ModuleMesh(nodes, cells, every, skin.faces, sets, cavities=cavities if len(cavities) > 1 else {})
 
 
-def _require_hollow(mesh: ModuleMesh, name: str) -> None:
-    """Raise `InvalidDesignError` where the cavity's faces enclose the solid instead of a hollow."""
-    points, normals = kind_of_faces(mesh.cavity).face_quadrature(mesh.nodes_m, mesh.cavity)
+def _require_hollow(nodes: Array, faces: IntArray, name: str) -> None:
+    """Raise `InvalidDesignError` where a cavity's faces enclose the solid instead of a hollow."""
+    points, normals = kind_of_faces(faces).face_quadrature(nodes, faces)
     if -float(np.sum(points[..., 1] * normals[..., 1])) <= 0:
         raise InvalidDesignError(
             f"surface '{name}' encloses no hollow: the solid lies on its inner side; name the chamber's wall, not the "

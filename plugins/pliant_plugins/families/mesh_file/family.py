@@ -8,12 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from pliant.errors import UserError
+from pliant.errors import InvalidDesignError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.masses import UNIFORM, half_masses, split_masses
 from pliant.meshing.surfaces import half_boxes, half_skins, split_boxes, split_skins
+from pliant.records.actuation import joined
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.shape import HalfShapes, HalfSurfaces
@@ -48,7 +49,10 @@ class MeshFileConfig(FamilyConfig):
     )
     base: str = Field(default="base", description="name of the surface toward the chain's base")
     tip: str = Field(default="tip", description="name of the surface toward the chain's tip")
-    cavity: str = Field(default="cavity", description="name of the chamber's wall")
+    cavity: str | tuple[str, ...] = Field(
+        default="cavity",
+        description="name of the chamber's wall; of several chambers a list, driven by pressure_1_pa, pressure_2_pa, …",
+    )
     symmetry: str | None = Field(
         default=None,
         description="name of the mirror plane that holds the chain's direction and `up`, if the mesh is cut there",
@@ -66,16 +70,10 @@ class MeshFileConfig(FamilyConfig):
         description="the same across the chain, along up × along; with `symmetry` the line lies in that plane",
     )
 
-    @field_validator("cavity", mode="before")
-    @classmethod
-    def _one_cavity(cls, value: Any) -> Any:
-        if isinstance(value, list | tuple):
-            if len(value) == 1:
-                return value[0]
-            raise ValueError(
-                f"names {len(value)} surfaces; a module has one chamber under one pressure: join them to one surface"
-            )
-        return value
+    @property
+    def cavities(self) -> tuple[str, ...]:
+        """Names of the chambers' walls."""
+        return (self.cavity,) if isinstance(self.cavity, str) else self.cavity
 
 
 class MeshFile(ActuatorFamily):
@@ -91,6 +89,10 @@ class MeshFile(ActuatorFamily):
     def __init__(self, config: MeshFileConfig) -> None:
         super().__init__(config)
         require_file(config.file)
+        if not config.cavities or len(set(config.cavities)) < len(config.cavities):
+            raise InvalidDesignError(
+                f"family.cavity names {list(config.cavities)}; each chamber's wall has its own name."
+            )
         rotation(config.along, config.up)
 
     @property
@@ -99,12 +101,19 @@ class MeshFile(ActuatorFamily):
         known = super().design
         own: dict[str, Any] = {"file": self.config.file.name, "file_sha256": self._digest[:DIGITS]}
         own["regions"] = ",".join(self.config.regions) or None
+        own["cavity"] = ",".join(self.config.cavities)
         return Design(known.family, {k: v for k, v in {**known.parameters, **own}.items() if v is not None})
 
     @cached_property
     def _digest(self) -> str:
         with self.config.file.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
+
+    @property
+    def actuation(self) -> str:  # type: ignore[override]
+        """One pressure, or one for each chamber."""
+        count = len(self.config.cavities)
+        return "pressure_pa" if count == 1 else joined(f"pressure_{k}_pa" for k in range(1, count + 1))
 
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -121,7 +130,7 @@ class MeshFile(ActuatorFamily):
             config.up,
             config.base,
             config.tip,
-            config.cavity,
+            config.cavities,
             config.symmetry,
             config.regions,
             config.line_height_m,
@@ -158,6 +167,7 @@ class MeshFile(ActuatorFamily):
             deformation_scale=along,
             energy_scale=along * across,
             fixed={"start": (0,), "end": (0,), **supports},
+            actuation=self.actuation,
         )
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:

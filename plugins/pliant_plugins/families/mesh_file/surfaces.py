@@ -55,7 +55,7 @@ def named_faces(file: VolumeFile, skin: Skin, name: str, role: str) -> NDArray[n
     """
     if name in file.faces:
         wanted = np.sort(file.faces[name], axis=1)
-        found = _rows_in(skin.corners, wanted) if wanted.shape[1] == skin.corners.shape[1] else _none(skin)
+        found = rows_in(skin.corners, wanted) if wanted.shape[1] == skin.corners.shape[1] else _none(skin)
         lost = len(wanted) - int(found.sum())
         if lost:
             raise InvalidDesignError(
@@ -126,7 +126,7 @@ def _none(skin: Skin) -> NDArray[np.bool_]:
     return np.zeros(len(skin.faces), bool)
 
 
-def _rows_in(rows: IntArray, wanted: IntArray) -> NDArray[np.bool_]:
+def rows_in(rows: IntArray, wanted: IntArray) -> NDArray[np.bool_]:
     """Which rows are among the wanted ones."""
     both = np.unique(np.concatenate([wanted, rows]), axis=0, return_inverse=True)[1].reshape(-1)
     return np.isin(both[len(wanted) :], both[: len(wanted)])

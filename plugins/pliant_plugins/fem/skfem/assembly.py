@@ -23,6 +23,7 @@ from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
+from pliant_plugins.fem.skfem.fibres import with_fibres
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
@@ -48,10 +49,11 @@ class Assembler:
         contact: bool = False,
     ) -> None:
         mesh = problem.mesh
-        self.problem, self.material = problem, material_by_cell(mesh, material)
+        self.problem = problem
         self.globals = Globals.of(problem)
         self.variables = Variables.of(self.globals, dilatation != "point")
         self.cells = cell_data(mesh, dilatation)
+        self.material = with_fibres(material_by_cell(mesh, material), problem.fibres, mesh, self.cells)
         wetted = [mesh.cavity]
         if len(problem.actuations) > 1:
             wetted = [mesh.cavities[name] for name in problem.actuations if name in mesh.cavities]

@@ -171,7 +171,17 @@ class Skfem(FEMBackend):
 
     config: SkfemConfig
     knows = frozenset(
-        {"regions", "tetrahedra", "ribbons", "tendon", "links", "ties", "contact", "several_actuations"}
+        [
+            "regions",
+            "fibres",
+            "tetrahedra",
+            "ribbons",
+            "tendon",
+            "links",
+            "ties",
+            "contact",
+            "several_actuations",
+        ]
     )
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:

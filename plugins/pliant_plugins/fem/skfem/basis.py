@@ -28,6 +28,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from pliant.errors import ContractError
+from pliant.interfaces.by_region import region_numbers
 from pliant.meshing.cells import kind_of, kind_of_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
@@ -46,12 +47,14 @@ class PressureData:
         value: (m or 1, q, k) functions.
         places: (m, k) numbers of the cells' pressures, from 0 to count − 1.
         vertices: (count,) nodes at which they stand, or None where they belong to cells.
+        solids: (count,) numbers of the regions in which they are continuous, or None.
     """
 
     value: Array
     places: IntArray
     count: int
     vertices: IntArray | None
+    solids: IntArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +175,10 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     weight = np.array(basis.dx)
     pressure: PressureData | None = None
     if dilatation == "continuous" or (dilatation == "cell" and of is TETRAHEDRON):
-        pressure = PressureData(of.linear(basis.X.T)[None], corners, len(vertices), vertices)
+        # a corner has a pressure for each solid that meets there
+        own, places = np.unique(corners + len(vertices) * region_numbers(mesh)[:, None], return_inverse=True)
+        at, solids = vertices[own % len(vertices)], own // len(vertices)
+        pressure = PressureData(of.linear(basis.X.T)[None], places.reshape(-1, count), len(own), at, solids)
     elif dilatation == "cell":
         modes = cell_modes(value @ mesh.nodes_m[nodes], weight)
         places = np.arange(modes.shape[2] * len(nodes)).reshape(len(nodes), -1)

@@ -6,13 +6,14 @@ is a mixed one; then the active ones of Θ_x, Θ_y, Θ_z, e in that order.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
-from pliant.records.fem import IntArray, ModuleProblem
+from pliant.records.fem import IntArray, Link, ModuleProblem
 from pliant_plugins.fem.constraints import Constraints, Forest
 from pliant_plugins.fem.skfem.basis import PressureData
 
@@ -108,7 +109,8 @@ def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -
     Raises `ContractError` for a node set that the mesh does not have.
     """
     first = problem.mesh.nodes_m.size
-    size = first if pressures is None else first + 2 * pressures.count
+    count = 0 if pressures is None else pressures.count
+    size = first + 2 * count
     forest = Forest(size)
     for name, components in problem.tied.items():
         nodes = _node_set(problem, name)
@@ -117,16 +119,28 @@ def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -
     for link in problem.links:
         for c, sign in link.signs.items():
             forest.join(3 * np.asarray(link.first) + c, 3 * np.asarray(link.second) + c, float(sign))
-        if pressures is not None and pressures.vertices is not None:
-            place = np.full(len(problem.mesh.nodes_m), -1)
-            place[pressures.vertices] = np.arange(pressures.count)
-            a, b = place[link.first], place[link.second]
-            for begin in (first, first + pressures.count):
-                forest.join(begin + a[a >= 0], begin + b[a >= 0], 1.0)
+        for a, b in _linked_pressures(link, pressures, len(problem.mesh.nodes_m)):
+            for begin in (first, first + count):
+                forest.join(begin + a, begin + b, 1.0)
     for name, components in problem.fixed.items():
         for c in components:
             forest.fix(3 * _node_set(problem, name) + c)
     return forest.constraints()
+
+
+def _linked_pressures(
+    link: Link, pressures: PressureData | None, nodes: int
+) -> Iterator[tuple[IntArray, IntArray]]:
+    """Numbers of the continuous pressures that stand at linked nodes in the same solid, pairwise."""
+    if pressures is None or pressures.vertices is None or pressures.solids is None:
+        return
+    for solid in np.unique(pressures.solids):
+        own = np.flatnonzero(pressures.solids == solid)
+        place = np.full(nodes, -1)
+        place[pressures.vertices[own]] = own
+        a, b = place[link.first], place[link.second]
+        both = (a >= 0) & (b >= 0)
+        yield a[both], b[both]
 
 
 def _node_set(problem: ModuleProblem, name: str) -> IntArray:

@@ -22,11 +22,12 @@ from pliant.mechanics.terms import LawTerms
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.newton import (
     ChainSolution,
     NewtonOptions,
+    Responder,
     Solver,
     minimise,
     sensitivity,
@@ -47,9 +48,15 @@ class QuasistaticSimulation(Steppable):
     `settle` reaches the present inputs slowly, `step` within the time given.
     """
 
-    def __init__(self, chain: ChainModel, config: QuasistaticConfig, solver: Solver | None = None) -> None:
+    def __init__(
+        self,
+        chain: ChainModel,
+        config: QuasistaticConfig,
+        solver: Solver | None = None,
+        responder: Responder | None = None,
+    ) -> None:
         super().__init__(chain)
-        self._config = config
+        self._config, self._responder = config, responder
         options = newton_options(chain, config)
         self._solve = solver or (lambda q, loads: minimise(self._statics, loads, q, options))
         self._q = np.zeros((chain.n_joints, len(chain.axes)))
@@ -115,6 +122,15 @@ class QuasistaticSimulation(Steppable):
             )
         return sensitivity(self.chain, self._statics, self._settled_q, self._settled_loads)
 
+    def respond(self, inputs: Inputs, start: Array | None = None) -> Response:
+        if self._responder is None:
+            return super().respond(inputs, start)
+        found = self._responder(inputs, self._q if start is None else start)
+        if not found.converged:  # by continuation, if need be
+            self.apply(inputs)
+            found = self._responder(inputs, self.settle().joint_angles)
+        return found
+
     def snapshot(self) -> SimulationState:
         return self._state(self._q.copy(), np.zeros_like(self._q))
 
@@ -170,16 +186,18 @@ class Quasistatic(PhysicsBackend):
         self._packs: Packs | None = None
 
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
-        return QuasistaticSimulation(chain, self.config, self._compiled(chain))
+        return QuasistaticSimulation(chain, self.config, *self._compiled(chain))
 
-    def _compiled(self, chain: ChainModel) -> Solver | None:
-        """The compiled way; None for chains with law terms or laws that cannot be compiled."""
+    def _compiled(self, chain: ChainModel) -> tuple[Solver | None, Responder | None]:
+        """The compiled ways; None for chains with law terms or laws that cannot be compiled."""
         if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
-            return None
+            return None, None
         from pliant_plugins.physics.quasistatic import compiled_solver as compiled  # numba takes a second
 
         self._packs = self._packs or compiled.Packs()
-        return compiled.compiled_solver(chain, newton_options(chain, self.config), self._packs)
+        options = newton_options(chain, self.config)
+        solver = compiled.compiled_solver(chain, options, self._packs)
+        return solver, compiled.responder(chain, options, self._packs) if solver else None
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Each chain from its straight state, on all cores: compiled loops run beside each other."""

@@ -13,9 +13,16 @@ from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.rollout import Inputs, Response
 from pliant_plugins.physics.compiled.equilibrium import settle
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.quasistatic.newton import ChainSolution, NewtonOptions, Solver
+from pliant_plugins.physics.compiled.response import respond as compiled_respond
+from pliant_plugins.physics.quasistatic.newton import (
+    ChainSolution,
+    NewtonOptions,
+    Responder,
+    Solver,
+)
 
 KINDS = ("revolute", "spherical", "prismatic")
 MOST_PACKS = 256
@@ -128,3 +135,43 @@ def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> 
     if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
         solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))
     return solve
+
+
+def responder(chain: ChainModel, options: NewtonOptions, packs: Packs) -> Responder:
+    """Equilibria with slopes of a chain that `compiled_solver` takes; loads beside the actuation are packed once."""
+    body, laws = packs.of(chain)
+    assert laws is not None
+    inputs, n = chain.inputs, chain.n_joints
+    # (inputs, actuators) which actuators an input stands behind
+    share = np.array([[float(a.input == name) for a in chain.actuators] for name in inputs])
+    behind = np.argmax(share, axis=0)
+    # The load arrays of the inputs that were last packed, which hold them alive.
+    packed: tuple[Inputs, tuple[Any, ...]] | None = None
+
+    def respond(given: Inputs, start: Array) -> Response:
+        nonlocal packed
+        if packed is None or any(
+            getattr(given, name) is not getattr(packed[0], name) for name in OTHER_LOADS
+        ):
+            loads = Loads.of(chain, given)
+            packed = (
+                given,
+                load_arrays(loads, actuation_values(chain.actuators, given.actuation), chain.payload_kg),
+            )
+        values = np.array([given.actuation[name] for name in inputs], float)
+        q, k = np.array(start, float), len(behind)
+        markers, by_p = np.empty((n + 2, 3)), np.empty((k, n + 2, 3))
+        turn, spin = np.empty((3, 3)), np.empty((k, 3))
+        arrays = (values[behind], *packed[1][1:])
+        found = compiled_respond(
+            body, laws.arrays, laws.boxes, arrays, q, markers, by_p, turn, spin, tuple(options)
+        )
+        if k > len(inputs):
+            by_p, spin = np.tensordot(share, by_p, 1), share @ spin
+        return Response(q, markers, by_p, turn, spin, found[0] and found[5], not found[4])
+
+    return respond
+
+
+# Of `Inputs`: what stays the same while actuations are looked for.
+OTHER_LOADS = ("tip_force_n", "moment_n_m", "forces", "cords")

@@ -25,7 +25,7 @@ from pliant.mechanics.statics import Balance, ChainStatics, Loads, unstable_mode
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw, LawRecord, ScalarLaw
-from pliant.records.rollout import Sensitivity
+from pliant.records.rollout import Inputs, Response, Sensitivity
 
 SUFFICIENT_DECREASE = 1e-4
 MAX_HALVINGS = 30
@@ -61,6 +61,8 @@ class ChainSolution:
 
 # The stable equilibrium of one chain under any loads, reached from coordinates q (n, a).
 Solver = Callable[[Array, Loads], ChainSolution]
+# The same under inputs, from q, with its slopes by the actuations.
+Responder = Callable[[Inputs, Array], Response]
 
 
 def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> ChainSolution:

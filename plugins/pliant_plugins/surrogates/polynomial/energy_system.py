@@ -181,7 +181,7 @@ FEWEST_SCORES = 10
 
 
 def error_bar(system: EnergySystem, terms: Exponents, solution: EnergySolution) -> ErrorBar:
-    """The bar whose shape is the predictive deviation of least squares (as `posterior.Posterior`).
+    """The bar whose shape is the predictive deviation of least squares (as `posterior.CoefficientPosterior`).
 
     Scores are the misses of places left out over the deviation foretold for them, of all axes together: each axis
     where it is explored or held.

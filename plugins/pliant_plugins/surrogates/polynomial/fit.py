@@ -11,7 +11,13 @@ from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, largest_slope
-from pliant_plugins.surrogates.polynomial.posterior import Posterior, Prior, all_terms, prior_of, solve
+from pliant_plugins.surrogates.polynomial.posterior import (
+    CoefficientPosterior,
+    CoefficientPrior,
+    all_terms,
+    prior_of,
+    solve,
+)
 from pliant_plugins.surrogates.polynomial.system import System, Terms
 from pliant_plugins.surrogates.records import affordable
 
@@ -41,8 +47,8 @@ class Candidate:
     rmse_se: float
     largest_slope: float
     law: PolynomialLaw
-    posterior: Posterior
-    prior: Prior | None = None
+    posterior: CoefficientPosterior
+    prior: CoefficientPrior | None = None
 
     @property
     def potential(self) -> bool:
@@ -128,7 +134,7 @@ def _term_sets(max_degree: int, few_x: bool, few_v: bool) -> Iterator[tuple[int,
 
 
 def _candidate(
-    system: System, degree: int, actuation_degree: int, terms: Terms, prior: Prior | None = None
+    system: System, degree: int, actuation_degree: int, terms: Terms, prior: CoefficientPrior | None = None
 ) -> Candidate | None:
     """Cross-validate one set of terms; None where the states of any fold do not determine all its terms."""
     matrix, right, state = system.rows(terms)
@@ -140,7 +146,7 @@ def _candidate(
         if solution is None:
             return None
         squares.append((matrix[:n][left_out] @ solution - right[:n][left_out]) ** 2)
-    posterior = Posterior.of(system, terms, prior)
+    posterior = CoefficientPosterior.of(system, terms, prior)
     if posterior is None:
         return None
     solution = posterior.solution

@@ -25,7 +25,7 @@ NOISES = tuple(10.0**power for power in range(-10, 1))
 
 
 @dataclass(frozen=True, eq=False)
-class Prior:
+class CoefficientPrior:
     """Standard deviations (k,) of the terms and the noise's variance, both in units of one common scale.
 
     Attributes:
@@ -43,7 +43,7 @@ def all_terms(degree: int, potential: bool = False) -> Terms:
     return np.array(efforts + [(i, -1) for i in range(degree + 2) if potential])
 
 
-def prior_of(system: System, terms: Terms) -> Prior:
+def prior_of(system: System, terms: Terms) -> CoefficientPrior:
     """The prior under which the data are most likely.
 
     Coefficients c_ij of Chebyshev terms are normal with deviations s ρ_p^−i ρ_u^−j / √(i + j)!, those of total
@@ -55,7 +55,7 @@ def prior_of(system: System, terms: Terms) -> Prior:
     m = len(right)
     # An orthogonal change of the rows leaves the evidence: k + 1 rows tell as much as m.
     compact: Array = np.asarray(np.linalg.qr(np.column_stack([matrix, right]), mode="r"))
-    best: tuple[float, Prior] | None = None
+    best: tuple[float, CoefficientPrior] | None = None
     for radii, deviations in _deviations(terms):
         scaled = compact[:, :-1] * deviations
         variances, basis = np.linalg.eigh(scaled @ scaled.T)
@@ -65,7 +65,7 @@ def prior_of(system: System, terms: Terms) -> Prior:
             scale = np.sum(inner / total) / m
             evidence = -0.5 * (m * np.log(scale) + np.log(total).sum() + (m - len(total)) * np.log(noise))
             if best is None or evidence > best[0]:
-                best = evidence, Prior(deviations, noise, radii)
+                best = evidence, CoefficientPrior(deviations, noise, radii)
     assert best is not None
     return best[1]
 
@@ -89,7 +89,7 @@ DETERMINED = 1e-11
 FEWEST_SCORES = 4
 
 
-def solve(matrix: Array, right: Array, prior: Prior | None = None) -> Array | None:
+def solve(matrix: Array, right: Array, prior: CoefficientPrior | None = None) -> Array | None:
     """Coefficients (k,); None where nothing but the rows holds them and the rows do not determine all."""
     solution: Array
     if prior is not None:
@@ -105,7 +105,7 @@ def solve(matrix: Array, right: Array, prior: Prior | None = None) -> Array | No
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class CoefficientPosterior:
     """A solved system.
 
     Attributes:
@@ -117,12 +117,14 @@ class Posterior:
 
     system: System
     terms: Terms
-    prior: Prior | None
+    prior: CoefficientPrior | None
     solution: Array
     root: Array
 
     @staticmethod
-    def of(system: System, terms: Terms, prior: Prior | None = None) -> Posterior | None:
+    def of(
+        system: System, terms: Terms, prior: CoefficientPrior | None = None
+    ) -> CoefficientPosterior | None:
         """None where the states do not determine the terms."""
         matrix, right, _ = system.rows(terms)
         solution = solve(matrix, right, prior)
@@ -131,7 +133,7 @@ class Posterior:
         rows = matrix * _scales(terms, prior)
         if prior is not None:
             rows = np.concatenate([rows, np.sqrt(prior.noise) * np.eye(len(terms))])
-        return Posterior(system, terms, prior, solution, np.asarray(np.linalg.qr(rows, mode="r")))
+        return CoefficientPosterior(system, terms, prior, solution, np.asarray(np.linalg.qr(rows, mode="r")))
 
     @property
     def potential(self) -> bool:
@@ -194,7 +196,7 @@ class Posterior:
         return solve_triangular(self.root, scaled.T, trans="T").T
 
 
-def _scales(terms: Terms, prior: Prior | None) -> Array:
+def _scales(terms: Terms, prior: CoefficientPrior | None) -> Array:
     return np.ones(len(terms)) if prior is None else prior.deviations
 
 

@@ -1,0 +1,89 @@
+"""From a slider to the redrawn prediction on the evidence page, in headless Chromium: a joint, and a chain of eight.
+
+    python -m benchmarks.evidence_page
+
+3,000 readings; time from the new value to the picture on the screen, and what the server's part of it is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import sync_playwright
+from tests.app.conftest import STUDY
+from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, started
+
+from pliant.app.desk import Desk
+from pliant.app.folder import SessionFolder
+
+READINGS, MOVES = 3000, 60
+
+
+def recording() -> str:
+    """Six runs of a slow triangle; what is read does not matter here."""
+    lines = ["run,time_s,pressure_pa,angle_rad"]
+    for k in range(6):
+        time_s = np.arange(READINGS // 6) * 0.1
+        pressure = 10e3 * np.abs((time_s / 12.5 + 0.1 * k) % 2 - 1)
+        lines += [f"r{k},{t:.2f},{p:.1f},{4e-5 * p:.6f}" for t, p in zip(time_s, pressure, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    found = {}
+    for name, modules in (("joint", 1), ("chain of eight", 8)):
+        with tempfile.TemporaryDirectory() as text:
+            folder = Path(text)
+            (folder / "bench.csv").write_text(recording())
+            length = (
+                f"modules: {modules}, module_length: {80 / modules:g} mm, module_mass: {40 / modules:g} g"
+            )
+            (folder / "bend.yaml").write_text(
+                STUDY.replace("modules: 1, module_length: 80 mm, module_mass: 40 g", length)
+            )
+            desk = Desk(SessionFolder(folder / "session"), folder / "store")
+            desk.begin(folder / "bend.yaml", [])
+            for kind in ("actuation_gain", "viscoelastic"):
+                begun = next(one["begun"] for one in desk.view()["model"]["catalogue"] if one["kind"] == kind)
+                desk.step((begun,), [], kind)
+                found[f"{name}, {kind}"] = _timed(desk, folder, begun)
+    print(json.dumps({"load": os.getloadavg()[0], "ms": found}, indent=1))
+
+
+def _timed(desk: Desk, folder: Path, begun: dict[str, float]) -> dict[str, float]:
+    strength = next(key for key in begun if key != "kind")
+    values = [{**begun, strength: begun[strength] * (1.0 + 0.002 * k)} for k in range(MOVES)]
+    parts = desk.preview((begun,))["parts"]
+    wall, cpu = [], []
+    for one in values:
+        at, busy = time.perf_counter(), time.process_time()
+        desk.preview((one,), parts)
+        wall.append(1e3 * (time.perf_counter() - at))
+        cpu.append(1e3 * (time.process_time() - busy))
+    server, address = started(folder / "session", folder / "store")
+    try:
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+            page = browser.new_page(viewport={"width": 1500, "height": 1150})
+            page.goto(address)
+            page.wait_for_selector("body[data-ready]", timeout=LONG)
+            drawn = [page.evaluate("e => pliantRedraw(e)", [one]) for one in values]
+            browser.close()
+    finally:
+        server.terminate()
+        server.wait()
+    return {
+        "redrawn_median": round(float(np.median(drawn)), 1),
+        "redrawn_95": round(float(np.percentile(drawn, 95)), 1),
+        "server_95": round(float(np.percentile(wall, 95)), 1),
+        "server_cpu_median": round(float(np.median(cpu)), 1),
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,393 @@
+"""What the page asks, answered by the commands' engine; every change is on disk before it is answered."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from pliant import __version__, api
+from pliant.app import work
+from pliant.app.curves import curves, predicted_points
+from pliant.app.folder import SessionFolder, key_of
+from pliant.app.inbox import STUDIES, checked_study
+from pliant.app.jobs import Bench, Job
+from pliant.app.open_model import OpenModel
+from pliant.app.page_state import Effects, PageState, PageStep, as_effects
+from pliant.app.screening import catalogue, screened
+from pliant.config.writing import name_of_file
+from pliant.errors import PliantError, UserError
+from pliant.evidence.comparison import interpret
+from pliant.formatting import displayed_in, listed, unit_of
+from pliant.measurements.written_units import units_as_written
+from pliant.report.comparison import comparison_document
+from pliant.report.render import page
+from pliant.store.store import write_atomically
+
+AS_IT_IS = "the study as it is"
+
+
+class Desk:
+    """A session: its state, the model that is open, the work that runs."""
+
+    def __init__(self, folder: SessionFolder, store: Path) -> None:
+        self.folder, self.store = folder, store
+        self.state: PageState = folder.state()
+        self.bench = Bench()
+        self.said: list[str] = []
+        self._model: tuple[Any, OpenModel] | None = None
+        self._catalogue: list[dict[str, Any]] | None = None
+        self._lock = threading.RLock()
+
+    def begin(self, study: Path | None, data: Sequence[Path]) -> None:
+        """Open what the command names, or go on where the session was; work that was cut off is taken up."""
+        with self._lock:
+            wanted = str(study.resolve()) if study is not None else self.state.study
+            files = tuple(str(file.resolve()) for file in data) or (
+                () if study is not None and wanted != self.state.study else self.state.data
+            )
+            if (wanted, files) != (self.state.study, self.state.data):
+                self._keep(PageState(wanted, files, version=self.state.version))
+            if self.state.study:
+                self._opened()
+            if self.state.pending:
+                pending = dict(self.state.pending)
+                self.run(pending["what"], pending.get("kinds", ()))
+
+    # What is there
+
+    def pulse(self) -> dict[str, Any]:
+        """Small enough to ask every second: whether anything changed, and what runs."""
+        job = self.bench.job
+        return {"version": self.state.version, "job": None if job is None else job.as_json()}
+
+    def view(self) -> dict[str, Any]:
+        """Everything but the curves."""
+        with self._lock:
+            state = self.state
+            shown: dict[str, Any] = {
+                "pliant": __version__,
+                "version": state.version,
+                "study": Path(state.study).name,
+                "data": [Path(one).name for one in state.data],
+                "dropped": sorted(one.name for one in self.folder.files.iterdir() if one.name[0] != "."),
+                "folder": str(self.folder.path),
+                "said": self.said[-3:],
+                "model": None,
+            }
+            if not state.study:
+                return shown | {"recording": self._recording()}
+            try:
+                model = self._opened()
+            except PliantError as error:
+                return shown | {"refused": str(error), "recording": self._recording()}
+            with displayed_in(units_as_written(model.measurement)):
+                return shown | {"model": self._shown(model)}
+
+    def curves(self) -> dict[str, Any]:
+        """The points of the pictures; they do not change with the effects."""
+        with self._lock:
+            model = self._now()
+            with displayed_in(units_as_written(model.measurement)):
+                return curves(model, model.predicted(model.own_effects))
+
+    def preview(self, values: Effects, parts: int = 0) -> dict[str, Any]:
+        """The prediction with these effects, and its errors; `parts` steps between samples, as needed where 0."""
+        model = self._now()
+        with displayed_in(units_as_written(model.measurement)):
+            try:
+                predicted = model.quick(values, parts) if parts else model.predicted(values)
+                used = parts or model.parts(values)
+            except ValidationError as error:
+                raise UserError(f"out of bounds: {error.errors()[0]['msg']}.") from None
+            noise = model.noise(model.predicted(self.state.now.effects) if parts else predicted)
+            return {
+                "predicted": predicted_points(model, predicted),
+                "errors": vars(model.errors(predicted, noise)),
+                "floors": {
+                    name: unit_of(name).factor * floor.value
+                    for name, floor in noise.floors.items()
+                    if floor.value > 0.0
+                },
+                "floor_from": {name: floor.source for name, floor in noise.floors.items()},
+                "parts": used,
+            }
+
+    def where(self) -> dict[str, Any]:
+        """Where the present model fails on the training runs, in words and as a table."""
+        with self._lock:
+            model, now = self._now(), self.state.now
+            with displayed_in(units_as_written(model.measurement)):
+                found = model.comparison(now.effects)
+                return {
+                    "sentence": interpret(found),
+                    "runs": {run.name: run.rmse_over_floor for run in found.runs},
+                    "places": [
+                        {
+                            "condition": place.condition,
+                            "share": place.share_of_error,
+                            "readings": place.share_of_samples,
+                            "significant": place.significant,
+                        }
+                        for place in found.worst
+                    ],
+                    "depends_on": [
+                        {
+                            "words": " × ".join(found.labels.get(p, p) for p in name.split(" × ")),
+                            "share": share,
+                        }
+                        for name, share in list(found.depends_on.items())[:6]
+                    ],
+                    "remarks": list(found.remarks),
+                }
+
+    def screen(self) -> dict[str, Any]:
+        """What every effect could explain of what is left; kept under the model."""
+        with self._lock:
+            model, now = self._now(), self.state.now
+            key = key_of("screen", model.key, now.effects)
+            found = self.folder.result(key)
+            if found is None:
+                with displayed_in(units_as_written(model.measurement)):
+                    found = screened(model, now.effects)
+                self.folder.keep_result(key, found)
+            return found
+
+    # What is done
+
+    def take(self, name: str) -> None:
+        """A file was dropped: a study is opened, a recording goes beside those that are there."""
+        with self._lock:
+            path = self.folder.files / name
+            if path.suffix.lower() in STUDIES:
+                try:
+                    checked_study(path)
+                except PliantError:
+                    path.unlink(missing_ok=True)
+                    raise
+                self._keep(PageState(str(path), self.state.data, version=self.state.version))
+            else:
+                dropped = tuple(dict.fromkeys((*self.state.data, str(path))))
+                self._keep(PageState(self.state.study, dropped, version=self.state.version))
+            self._model = None
+
+    def forget(self, name: str) -> None:
+        """Leave a recording out of the session; its file stays."""
+        with self._lock:
+            kept = tuple(one for one in self.state.data if Path(one).name != name)
+            self._keep(PageState(self.state.study, kept, version=self.state.version))
+            self._model = None
+
+    def step(self, effects: Effects, off: Sequence[str], words: str) -> None:
+        """Go on with another model; raises `UserError` for effects that cannot be."""
+        with self._lock:
+            model = self._now()
+            try:
+                made = model.effects(effects)
+            except (ValidationError, KeyError) as error:
+                raise UserError(f"these effects cannot be: {error}") from None
+            plain = tuple(one.canonical() for one in made)
+            result = self.state.now.result if plain == self.state.now.effects else ""
+            named = tuple(run.name for run in model.measurement.runs if run.name in set(off))
+            if len(named) == len(model.measurement.runs):
+                raise UserError("one run at least must stay on.")
+            changed = named != self.state.now.off
+            step = PageStep(words[:120] or "by hand", plain, named, "" if changed else result)
+            self._keep(self.state.with_step(step))
+
+    def go(self, cursor: int) -> None:
+        """Undo and redo: look at another step."""
+        with self._lock:
+            self._keep(self.state.at(cursor))
+
+    def run(self, what: str, kinds: Sequence[str] = ()) -> None:
+        """Begin long work, or show at once what it gave before."""
+        with self._lock:
+            model, now = self._now(), self.state.now
+            own = {effect.kind for effect in model.study.effects}
+            ways: dict[str, tuple[Any, Callable[[work.Task, str], dict[str, Any]]]] = {
+                "fit": (
+                    [
+                        sorted(kinds),
+                        [one for one in now.effects if one["kind"] not in set(kinds) and one["kind"] in own],
+                    ],
+                    lambda task, key: work.fit(task, self.folder, key, sorted(kinds)),
+                ),
+                "diagnose": (now.effects, lambda task, key: work.diagnose(task, self.folder, key)),
+                "improve": (model.own_effects, lambda task, key: work.improve(task, self.folder, key)),
+            }
+            if what not in ways:
+                raise UserError(f"there is no '{what}' here.")
+            if what == "fit" and not kinds:
+                raise UserError("tick an effect first: there is nothing to fit.")
+            depends, does = ways[what]
+            key = key_of(what, model.key, depends)
+            if (known := self.folder.result(key)) is not None:
+                self._take_result(what, key, known)
+                return
+            task_effects, units = now.effects, units_as_written(model.measurement)
+
+            def go(job: Job) -> None:
+                task = work.Task(model, task_effects, job.tick, job.stop.is_set)
+                with displayed_in(units):
+                    found = does(task, key)
+                self.folder.keep_result(key, found)
+
+            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds)}))
+            self.bench.begin(Job(what, key), go, self._ended)
+
+    def stop(self) -> None:
+        """Stop the work that runs."""
+        self.bench.stop()
+
+    def save(self, name: str = "") -> dict[str, str]:
+        """Write the present model as a study; returns its path, its text and the commands that come to the same."""
+        with self._lock:
+            model, now = self._now(), self.state.now
+            kinds = [str(one["kind"]) for one in now.effects]
+            stem = name_of_file(Path(name)) if name else f"{name_of_file(model.path)}+page"
+            target = self.folder.saved / f"{stem or 'study'}.yaml"
+            known = self.folder.result(now.result) if now.result else None
+            written = self.folder.results / str(known["study"]) if known and known.get("study") else None
+            if written is not None and written.exists():
+                write_atomically(target, written.read_text(encoding="utf-8"))
+            else:
+                work.write_by_hand(target, model, now.effects)
+            files = " ".join(f"--data {file}" for file in model.data)
+            named = " ".join(f"--effect {kind}" for kind in kinds)
+            return {
+                "name": target.name,
+                "path": str(target),
+                "yaml": target.read_text(encoding="utf-8"),
+                "commands": f"pliant extend {model.path} {named} {files}".strip()
+                if kinds
+                else f"pliant compare {model.path} {files}".strip(),
+            }
+
+    def report(self) -> str:
+        """`pliant compare`'s page of the present model on the training runs."""
+        with self._lock:
+            model, now = self._now(), self.state.now
+            with displayed_in(units_as_written(model.measurement)):
+                found = model.comparison(now.effects)
+                training = model.split.training
+                return page(
+                    comparison_document(model.study.name, training, model.predicted(now.effects), found)
+                ).html
+
+    # Inside
+
+    def _keep(self, state: PageState) -> None:
+        self.state = state.changed()
+        self.folder.keep(self.state)
+
+    def _opened(self) -> OpenModel:
+        """The model of the state's files; opened once."""
+        key = (self.state.study, self.state.data)
+        if self._model is None or self._model[0] != key:
+            model = OpenModel.open(Path(self.state.study), [Path(one) for one in self.state.data], self.store)
+            self._model, self._catalogue = (key, model), None
+            if not self.state.steps:
+                first = PageStep(AS_IT_IS, as_effects(model.own_effects))
+                self._keep(replace(self.state, steps=(first,), cursor=0))
+        held = self._model[1].without(self.state.now.off)
+        self._model = (key, held)
+        return held
+
+    def _now(self) -> OpenModel:
+        with self._lock:
+            if not self.state.study:
+                raise UserError("no study is open; drop one, or choose an example.")
+            return self._opened()
+
+    def _shown(self, model: OpenModel) -> dict[str, Any]:
+        state, now = self.state, self.state.now
+        if self._catalogue is None:
+            self._catalogue = catalogue(model)
+        predicted = model.predicted(now.effects)
+        noise = model.noise(predicted)
+        diagnosis = self.folder.result(key_of("diagnose", model.key, now.effects))
+        of_study = self.folder.result(key_of("diagnose", model.key, model.own_effects))
+        result = self.folder.result(now.result) if now.result else None
+        own = {effect.kind for effect in model.study.effects}
+        added = [str(one["kind"]) for one in now.effects if one["kind"] not in own]
+        warnings = list(result["warnings"]) if result else []
+        warnings += work.doubts_of(added, of_study) if of_study else []
+        errors = model.errors(predicted, noise)
+        plain = model.errors(model.predicted(model.own_effects), noise)
+        worse = errors.aside is not None and plain.aside is not None and errors.aside > 1.01 * plain.aside
+        if added and worse and not any("unseen runs" in one for one in warnings):
+            warnings.append(
+                f"With {listed(added)} the error on the runs put aside rises from {plain.aside:.2f} to "
+                f"{errors.aside:.2f} times the noise: unseen runs become worse."
+            )
+        return {
+            "name": model.study.name,
+            "source": model.measurement.source,
+            "doubts": [doubt.sentence for doubt in model.measurement.doubts],
+            "aside": model.split.why,
+            "effects": now.effects,
+            "first": model.own_effects,
+            "own": sorted(own),
+            "off": list(now.off),
+            "catalogue": self._catalogue,
+            "cursor": state.cursor,
+            "steps": [
+                {"words": step.words, "fitted": bool(step.result), **self._score(model, step, noise)}
+                for step in state.steps
+            ],
+            "fit": result,
+            "warnings": warnings,
+            "diagnosis": diagnosis,
+            "judged": noise.judged,
+        }
+
+    def _score(self, model: OpenModel, step: PageStep, noise: Any) -> dict[str, Any]:
+        """Errors of a step over the present floor; with other runs switched off they are of its own runs."""
+        held = model.without(step.off)
+        try:
+            predicted = model.predicted(step.effects)
+        except PliantError:
+            return {"error": None, "aside": None}
+        errors = held.errors(predicted, noise)
+        return {"error": errors.fitted, "aside": errors.aside}
+
+    def _ended(self, job: Job, said: str) -> None:
+        with self._lock:
+            if said:
+                self.said.append(said)
+            self._keep(replace(self.state, pending=None))
+            if not said and (found := self.folder.result(job.key)) is not None:
+                self._take_result(job.what, job.key, found)
+
+    def _take_result(self, what: str, key: str, found: Mapping[str, Any]) -> None:
+        """A fit or an improvement becomes the present model; a diagnosis stands beside it."""
+        if what == "diagnose":
+            self._keep(self.state)
+            return
+        words = {"fit": f"fitted {listed(found['kinds'])}", "improve": "improved"}[what]
+        step = PageStep(words, as_effects(found["effects"]), self.state.now.off, key)
+        if what == "improve" and not found["kinds"]:
+            self.said.append(str(found["sentence"]))
+        self._keep(self.state.with_step(step))
+
+    def _recording(self) -> dict[str, Any] | None:
+        """How dropped recordings are understood while no study reads them."""
+        if not self.state.data:
+            return None
+        try:
+            measurement, document = api.read([str(one) for one in self.state.data], {})
+        except PliantError as error:
+            return {"refused": str(error)}
+        return {
+            "sentence": document.sentence,
+            "doubts": [doubt.sentence for doubt in measurement.doubts],
+            "columns": [
+                {"heading": one["heading"], "unit": one["unit"], "name": one["name"]}
+                for one in document.data["columns"]
+            ],
+        }

@@ -1,0 +1,100 @@
+"""Files that are dropped on the page: bounded, under harmless names, read as data, never run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+from pliant.config.loading import read_yaml
+from pliant.config.paths import change_paths
+from pliant.errors import UserError
+
+MOST_BYTES = 256 * 1024**2
+LONGEST_NAME = 80
+TABLES = (".csv", ".tsv", ".txt", ".dat", ".xlsx", ".mat", ".parquet")
+STUDIES = (".yaml", ".yml")
+HARMLESS = re.compile(r"[^\w .+()=-]", re.ASCII)
+RESERVED = {"con", "prn", "aux", "nul"}
+
+
+def safe_name(name: str) -> str:
+    """The file's own name without folders, control or hostile characters.
+
+    Raises `UserError` for a kind of file that is neither a table nor a study.
+    """
+    last = re.split(r"[/\\]", name)[-1]
+    cleaned = HARMLESS.sub("_", last).strip(" .")
+    stem, dot, suffix = cleaned.rpartition(".")
+    ending = f".{suffix.lower()}"
+    if not (stem and dot) or ending not in (*TABLES, *STUDIES):
+        raise UserError(
+            f"'{cleaned[:LONGEST_NAME]}' is neither a recording ({', '.join(TABLES)}) nor a study "
+            f"({', '.join(STUDIES)}); nothing else is taken."
+        )
+    stem = stem.strip(" .")[: LONGEST_NAME - len(ending)] or "file"
+    return f"{'_' if stem.lower() in RESERVED else ''}{stem}{ending}"
+
+
+def too_large() -> UserError:
+    """The sentence for a file above the bound."""
+    return UserError(
+        f"the file is larger than {MOST_BYTES // 1024**2} MB, the most that the page takes; read it by "
+        "'pliant app STUDY.yaml FILE', which knows no bound."
+    )
+
+
+async def receive(chunks: AsyncIterator[bytes], declared: int | None, target: Path) -> None:
+    """Write a body to a file, whole or not at all; stops at the bound whatever length was declared.
+
+    Raises:
+        UserError: the file is too large or empty.
+    """
+    if declared is not None and declared > MOST_BYTES:
+        raise too_large()
+    partial = target.with_name(f".{target.name}.part")
+    size = 0
+    try:
+        with partial.open("wb") as out:
+            async for chunk in chunks:
+                size += len(chunk)
+                if size > MOST_BYTES:
+                    raise too_large()
+                out.write(chunk)
+        if not size:
+            raise UserError(f"{target.name} is empty.")
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def checked_study(path: Path) -> None:
+    """Refuse a dropped study that would run code or read files outside the session's folder.
+
+    Raises:
+        UserError: it names plugins or a base, or a path that leaves its folder.
+    """
+    study: dict[str, Any] = _plain(read_yaml(path))
+    for key, why in (("plugins", "runs code"), ("extends", "reads another file")):
+        if key in study:
+            raise UserError(
+                f"{path.name}: a dropped study may not have '{key}', because that {why}; open it by "
+                f"'pliant app {path.name}' instead."
+            )
+
+    def inside(named: str) -> str:
+        if Path(named).name != named or named.startswith(("~", ".")):
+            raise UserError(
+                f"{path.name}: the path '{named[:LONGEST_NAME]}' leaves the session's folder; drop that file too and "
+                "name it without folders."
+            )
+        return named
+
+    change_paths(study, inside)
+
+
+def _plain(node: Any) -> Any:
+    if isinstance(node, dict):
+        return {str(key): _plain(value) for key, value in node.items()}
+    return [_plain(one) for one in node] if isinstance(node, list) else node

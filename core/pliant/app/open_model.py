@@ -1,0 +1,212 @@
+"""A study open on the page: the model driven by the runs, which of them are put aside, and its errors."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant import api
+from pliant.app.page_state import Effects
+from pliant.config.study import Study
+from pliant.diagnosis.extension import Ground
+from pliant.diagnosis.fitting import Score, score
+from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.evidence.comparison import Comparison, compare
+from pliant.evidence.places import residuals_of
+from pliant.evidence.prediction import Prediction, Predictor, RunReadings, measurement_of_study
+from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.beginnings import with_known_states
+from pliant.measurements.repeats import repeat_groups
+from pliant.pipeline.workbench import Workbench
+from pliant.records.measurement import Measurement
+
+MOST_KEPT = 24  # predictions
+
+
+class StoppedError(Exception):
+    """Work was stopped on request."""
+
+
+class WatchedPredictor(Predictor):
+    """A predictor whose work can be stopped between two predictions."""
+
+    stopped: Callable[[], bool] = staticmethod(lambda: False)
+
+    def evaluate(self, *args: Any, **named: Any) -> Prediction:
+        self._heed()
+        return super().evaluate(*args, **named)
+
+    def vary(self, *args: Any, **named: Any) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
+        self._heed()
+        return super().vary(*args, **named)
+
+    def _heed(self) -> None:
+        if self.stopped():
+            raise StoppedError
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one model in units of the floor.
+
+    Attributes:
+        fitted: on the runs that fits may see.
+        aside: on the runs put aside; None where none is.
+        by_output: of the first, SI.
+        aside_by_output: of the second, SI.
+    """
+
+    fitted: float
+    aside: float | None
+    by_output: Mapping[str, float]
+    aside_by_output: Mapping[str, float]
+
+
+@dataclass(eq=False)
+class OpenModel:
+    """What the page compares.
+
+    Attributes:
+        path: of the study.
+        study, bench: as it was read.
+        data: recordings instead of the study's own.
+        measurement: all runs that were read, without readings after unknown states.
+        off: runs whose readings are switched off.
+        unknown: what the readings after unknown states are, in sentences.
+    """
+
+    path: Path
+    study: Study
+    bench: Workbench
+    data: tuple[Path, ...]
+    measurement: Measurement
+    off: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    _predicted: dict[str, tuple[RunReadings, ...]] = field(default_factory=dict)
+    _noise: dict[int, tuple[Sequence[RunReadings], NoiseView]] = field(default_factory=dict)
+
+    @staticmethod
+    def open(path: Path, data: Sequence[Path], store: Path) -> OpenModel:
+        """Read the study and its recordings.
+
+        Raises:
+            UserError: what cannot be read, or what cannot be followed.
+        """
+        opened = api.open_study(path, store=store)
+        measurement = measurement_of_study(opened.bench, opened.study, tuple(data) or None)
+        known, unknown = with_known_states(measurement)
+        return OpenModel(path, opened.study, opened.bench, tuple(data), known, (), unknown)
+
+    def without(self, off: Sequence[str]) -> OpenModel:
+        """The same with the readings of these runs switched off; specimens still live through them."""
+        names = tuple(run.name for run in self.measurement.runs if run.name in set(off))
+        return self if names == self.off else replace(self, off=names, _predicted={})
+
+    @cached_property
+    def read(self) -> Measurement:
+        """The measurement without the readings that are switched off."""
+        runs = tuple(
+            run.with_outputs({name: np.full(len(run), np.nan) for name in run.outputs})
+            if run.name in self.off
+            else run
+            for run in self.measurement.runs
+        )
+        return replace(self.measurement, runs=runs)
+
+    @cached_property
+    def split(self) -> TrainTestSplit:
+        """Which runs are put aside, by `pliant improve`'s own rule."""
+        return lock(self.read)
+
+    @cached_property
+    def ground(self) -> Ground:
+        """What effects are fitted on: the training runs, as `pliant improve` has them."""
+        bare = self.study.model_copy(update={"effects": ()})
+        plain = Predictor.of_study(self.bench, bare, self.split.training)
+        watched = WatchedPredictor(plain.bench, plain.backend, plain.chain, self.split.training)
+        return Ground(watched, self.split.training, repeat_groups(self.split.training))
+
+    def effects(self, values: Effects) -> tuple[EffectConfig, ...]:
+        """Effects from their JSON values; raises `ValidationError` for values out of bounds."""
+        found = []
+        for one in values:
+            model = self.bench.registry.get("effect", str(one["kind"])).config_model()
+            made = model.model_validate(dict(one))
+            assert isinstance(made, EffectConfig)
+            found.append(made)
+        return tuple(found)
+
+    @property
+    def own_effects(self) -> Effects:
+        """Those of the study."""
+        return tuple(effect.canonical() for effect in self.study.effects)
+
+    def predicted(self, effects: Effects) -> tuple[RunReadings, ...]:
+        """What the model with these effects reads in each run."""
+        key = json.dumps(effects, sort_keys=True)
+        if key not in self._predicted:
+            while len(self._predicted) >= MOST_KEPT:
+                self._predicted.pop(next(iter(self._predicted)))
+            self._predicted[key] = self.ground.predictor.predict(self.effects(effects))
+        return self._predicted[key]
+
+    def quick(self, effects: Effects, parts: int) -> tuple[RunReadings, ...]:
+        """The same in a given number of steps between samples: for a slider on its way."""
+        return self.ground.predictor.refined(parts).evaluate(self.effects(effects)).runs
+
+    def parts(self, effects: Effects) -> int:
+        """The steps between samples that this model needs."""
+        return self.ground.predictor.steps_between_samples(self.effects(effects))
+
+    def noise(self, predicted: Sequence[RunReadings]) -> NoiseView:
+        """Noise as a model's residuals show it over all runs that are on."""
+        kept = self._noise.get(id(predicted))
+        if kept is None or kept[0] is not predicted:
+            while len(self._noise) >= MOST_KEPT:
+                self._noise.pop(next(iter(self._noise)))
+            scales = dict.fromkeys(self.outputs, 1.0)
+            residuals = residuals_of(self.read, predicted)
+            kept = (predicted, noise_view(self.read, residuals, scales, repeat_groups(self.read)))
+            self._noise[id(predicted)] = kept
+        return kept[1]
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Outputs that both have, with a reading."""
+        return tuple(
+            name
+            for name in self.ground.predictor.outputs
+            if any(np.isfinite(run.outputs[name]).any() for run in self.read.runs)
+        )
+
+    def errors(self, predicted: Sequence[RunReadings], noise: NoiseView) -> Errors:
+        """Errors over the floors of a noise: of the training runs, and of those put aside."""
+        residuals = residuals_of(self.read, predicted)
+        residuals = [{name: run[name] for name in self.outputs} for run in residuals]
+        aside = set(self.split.runs)
+        fitted = score(residuals, noise.floors, [k for k in range(len(residuals)) if k not in aside])
+        unseen: Score | None = score(residuals, noise.floors, aside) if aside else None
+        return Errors(
+            fitted.over_floor,
+            None if unseen is None else unseen.over_floor,
+            fitted.rmse,
+            {} if unseen is None else unseen.rmse,
+        )
+
+    def comparison(self, effects: Effects) -> Comparison:
+        """`pliant compare` of the training runs: what is put aside is not looked at for a choice."""
+        return compare(self.split.training, self.predicted(effects))
+
+    @property
+    def key(self) -> list[Any]:
+        """What results depend on, as JSON values."""
+        names = [(run.name, len(run)) for run in self.measurement.runs]
+        study = self.study.canonical()
+        return [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]

@@ -1,0 +1,80 @@
+"""Begin and end of the page's server."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from pliant.app.desk import Desk
+from pliant.app.server import application
+from pliant.errors import UserError
+
+LOOPBACK = "127.0.0.1"
+FIRST_PORT, TRIED = 8642, 40
+
+
+def serve(desk: Desk, port: int, browse: bool, say: Callable[[str], None]) -> None:
+    """Serve the session until Ctrl-C.
+
+    Args:
+        desk: the session.
+        port: on loopback; 0 for the one of the session before, else the first free one.
+        browse: whether to open the page in the browser.
+        say: prints a line.
+
+    Raises:
+        UserError: the port is taken.
+    """
+    token, wanted = desk.folder.address(port)
+    bound = _bound(wanted, exact=port != 0)
+    with bound:
+        here = int(bound.getsockname()[1])
+        desk.folder.keep_address(token, here)
+        address = f"http://{LOOPBACK}:{here}/?token={token}"
+        say(f"page     {address}")
+        say(f"session  {desk.folder.path}")
+        say("Ctrl-C ends the page; everything is saved, and the same command goes on.")
+        if browse:
+            webbrowser.open(address)
+        config = uvicorn.Config(
+            application(desk, token),
+            log_level="error",
+            access_log=False,
+            timeout_graceful_shutdown=2,
+            server_header=False,
+            lifespan="off",
+        )
+        server = uvicorn.Server(config)
+        try:
+            asyncio.run(server.serve(sockets=[bound]))
+        except KeyboardInterrupt:
+            pass  # uvicorn ended already, and raises it again
+        finally:
+            desk.bench.stop()
+            say("the page has ended; everything is saved.")
+
+
+def _bound(port: int, exact: bool) -> socket.socket:
+    tried = [port] if exact else [*([port] if port else []), *range(FIRST_PORT, FIRST_PORT + TRIED), 0]
+    for one in tried:
+        made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            made.bind((LOOPBACK, one))
+            made.listen(128)  # a page that is opened at once waits instead of being refused
+            return made
+        except OSError:
+            made.close()
+    raise UserError(f"port {port} of {LOOPBACK} is taken; give another --port, or none.")
+
+
+def session_folder(study: Path | None, out: Path | None) -> Path:
+    """The folder of a session: that of the option, else one beside the reports of the study's commands."""
+    if out is not None:
+        return out
+    return Path("runs") / f"{study.stem if study is not None else 'pliant'}-app"

@@ -1,0 +1,210 @@
+"""The page's server: loopback only, behind a token, nothing but JSON, files of the session and its own page.
+
+Every request of the interface carries the token in a header that no foreign page can set without being asked by the
+browser (no cookie is used), names this server in `Host` (no foreign name can be bound to loopback), and, where the
+browser tells an `Origin`, comes from the page itself.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from pliant.app.desk import Desk
+from pliant.app.inbox import receive, safe_name
+from pliant.app.page_state import as_effects
+from pliant.errors import PliantError, UserError
+from pliant.examples_shipped import copy_example
+from pliant.records.plain_values import plain
+
+TOKEN = "x-pliant-token"
+MOST_JSON = 1_000_000  # bytes of a request
+TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+# A report stands by itself: pictures inside, no script.
+OF_REPORTS = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+
+
+class Guard(BaseHTTPMiddleware):
+    """Refuses what does not come from the page itself."""
+
+    def __init__(self, app: Any, token: str) -> None:
+        super().__init__(app)
+        self.token = token
+
+    async def dispatch(self, request: Request, call_next: RequestResponseEndpoint) -> Response:
+        response = self._refused(request) or await call_next(request)
+        for name, value in HEADERS.items():
+            response.headers.setdefault(name, value)
+        return response
+
+    def _refused(self, request: Request) -> Response | None:
+        host = request.headers.get("host", "")
+        if host.rpartition(":")[0].strip("[]") not in ("127.0.0.1", "localhost", "::1"):
+            return _refusal("this page answers on loopback alone.")
+        origin = request.headers.get("origin")
+        if origin is not None and origin != f"http://{host}":
+            return _refusal("a request from another site is refused.")
+        if request.headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
+            return _refusal("a request from another site is refused.")
+        if request.url.path.startswith("/static/"):
+            return None
+        given = request.headers.get(TOKEN) or request.query_params.get("token", "")
+        if request.method != "GET":  # a form of another site can set an address, not a header
+            given = request.headers.get(TOKEN, "")
+        if not secrets.compare_digest(given.encode(), self.token.encode()):
+            return _refusal("the token is missing or wrong; open the address that 'pliant app' printed.")
+        return None
+
+
+def _refusal(sentence: str) -> Response:
+    return PlainTextResponse(f"Refused: {sentence}\n", 403)
+
+
+def application(desk: Desk, token: str) -> Starlette:
+    """The server's application on a session."""
+
+    def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
+        async def handle(request: Request) -> Response:
+            try:
+                values = await _values(request)
+                found = await run_in_threadpool(ask, values)
+            except PliantError as error:
+                return JSONResponse({"error": str(error)}, 422)
+            except (KeyError, TypeError, ValueError) as error:
+                return JSONResponse({"error": f"the request is not understood ({error})."}, 400)
+            return JSONResponse(plain(found))
+
+        return handle
+
+    async def upload(request: Request) -> Response:
+        try:
+            name = safe_name(request.query_params.get("name", ""))
+            length = request.headers.get("content-length", "")
+            declared = int(length) if length.isdigit() else None
+            await receive(request.stream(), declared, desk.folder.files / name)
+            await run_in_threadpool(desk.take, name)
+        except PliantError as error:
+            return JSONResponse({"error": str(error)}, 422, headers={"Connection": "close"})
+        return JSONResponse({"name": name})
+
+    def example(_: Mapping[str, Any]) -> dict[str, Any]:
+        for name in copy_example("hidden-effect", desk.folder.files):
+            if name.endswith(".yaml"):
+                desk.take(name)
+        return {}
+
+    posts: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+        "preview": lambda v: desk.preview(as_effects(v["effects"]), int(v.get("parts", 0))),
+        "step": lambda v: desk.step(
+            as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
+        ),
+        "go": lambda v: desk.go(int(v["cursor"])),
+        "run": lambda v: desk.run(str(v["what"]), [str(kind) for kind in v.get("kinds", [])]),
+        "stop": lambda v: desk.stop(),
+        "save": lambda v: desk.save(str(v.get("name", ""))),
+        "forget": lambda v: desk.forget(str(v["name"])),
+        "example": example,
+    }
+    gets: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+        "pulse": lambda v: desk.pulse(),
+        "view": lambda v: desk.view(),
+        "curves": lambda v: desk.curves(),
+        "where": lambda v: desk.where(),
+        "screen": lambda v: desk.screen(),
+    }
+
+    async def result(request: Request) -> Response:
+        return _file(desk.folder.results, str(request.path_params["name"]))
+
+    async def saved(request: Request) -> Response:
+        return _file(desk.folder.saved, str(request.path_params["name"]))
+
+    async def report(request: Request) -> Response:
+        try:
+            html = await run_in_threadpool(desk.report)
+        except PliantError as error:
+            return PlainTextResponse(f"{error}\n", 422)
+        return Response(html, media_type="text/html", headers={"Content-Security-Policy": OF_REPORTS})
+
+    routes = [
+        Route("/", _page),
+        Route("/static/{name:path}", _static),
+        Route("/api/upload", upload, methods=["POST"]),
+        *(Route(f"/api/{name}", answer(ask), methods=["POST"]) for name, ask in posts.items()),
+        *(Route(f"/api/{name}", answer(ask)) for name, ask in gets.items()),
+        Route("/result/{name}", result),
+        Route("/saved/{name}", saved),
+        Route("/report", report),
+    ]
+    return Starlette(routes=routes, middleware=[Middleware(Guard, token=token)])
+
+
+async def _values(request: Request) -> Mapping[str, Any]:
+    if request.method == "GET":
+        return dict(request.query_params)
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MOST_JSON:
+            raise UserError("the request is too large.")
+    found = json.loads(body or b"{}")
+    if not isinstance(found, dict):
+        raise ValueError("an object is expected")
+    return found
+
+
+async def _page(request: Request) -> Response:
+    return _shipped("page.html")
+
+
+async def _static(request: Request) -> Response:
+    return _shipped(str(request.path_params["name"]))
+
+
+def _shipped(name: str) -> Response:
+    """A file of the page itself, by a name that is among them."""
+    if name not in _SHIPPED:
+        return PlainTextResponse("not here\n", 404)
+    content = (resources.files("pliant.app") / "static" / name).read_bytes()
+    return Response(content, media_type=TYPES[Path(name).suffix])
+
+
+_SHIPPED = (
+    "page.html",
+    "page.css",
+    "page.js",
+    "pictures.js",
+    "effects.js",
+    "vendor/uPlot.js",
+    "vendor/uPlot.css",
+)
+
+
+def _file(folder: Path, name: str) -> Response:
+    """A file of the session, by its bare name."""
+    path = folder / name
+    if Path(name).name != name or name.startswith(".") or not path.is_file():
+        return PlainTextResponse("not here\n", 404)
+    if path.suffix == ".html":
+        return FileResponse(path, media_type="text/html", headers={"Content-Security-Policy": OF_REPORTS})
+    return FileResponse(path, filename=name, media_type="application/octet-stream")

@@ -1,0 +1,268 @@
+"use strict";
+// The page: asks the server, draws, sends choices. The state is the server's; every tab sees the same.
+const token = new URLSearchParams(location.search).get("token") || "";
+const $ = id => document.getElementById(id);
+let view = null, data = null, version = -1, now = null, asis = null, where = null, screening = null, marked = null, curvesOf = "";
+const headers = {"x-pliant-token": token};
+
+async function ask(name, body) {
+  const answer = await fetch(`/api/${name}`, body === undefined ? {headers} :
+    {method: "POST", headers: {...headers, "content-type": "application/json"}, body: JSON.stringify(body)});
+  if (answer.status === 403) throw new Error(await answer.text());
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error || "it failed");
+  return found;
+}
+function say(text) { $("said").textContent = text; $("said").hidden = !text; }
+const attempt = work => async (...args) => { try { say(""); await work(...args); } catch (error) { say(error.message); } };
+
+// What is there
+async function pulse() {
+  try {
+    const beat = await ask("pulse");
+    job(beat.job);
+    if (beat.version !== version) { version = beat.version; await load(); }
+    if ($("said").dataset.lost) { delete $("said").dataset.lost; say(""); }
+  } catch (error) {
+    say(error.message.startsWith("Refused") ? error.message : "The server does not answer. Everything is saved: start 'pliant app' again and this page goes on.");
+    $("said").dataset.lost = "1";
+  }
+  setTimeout(pulse, 700);
+}
+async function load() {
+  view = await ask("view");
+  $("begin").hidden = !!view.model; $("bench").hidden = !view.model;
+  if (view.said.length && view.said.join("\n") !== load.said) { load.said = view.said.join("\n"); say(view.said[view.said.length - 1]); }
+  if (!view.model) { begin(); return; }
+  const m = view.model, key = JSON.stringify([view.study, view.data, m.name, m.off]);
+  $("title").textContent = m.name; $("source").textContent = `${view.study} · ${m.source} · ${view.folder}`;
+  if (key !== curvesOf) { data = decode(await ask("curves")); curvesOf = key; marked = null; choices(); }
+  await preview(m.effects, 0, true);
+  if (asis === null || asis.of !== key + JSON.stringify(m.own)) {
+    const first = await ask("preview", {effects: m.first});
+    asis = {of: key + JSON.stringify(m.own), predicted: unpack(first.predicted)};
+  }
+  tables(); draw(); effects.show(m, screening && screening.found, true);
+  const at = version;
+  where = await ask("where"); if (at === version) { sentence(); tables(); }
+  const found = await ask("screen"); screening = {of: at, found};
+  if (at === version) { effects.show(m, found); silent(found); document.body.dataset.ready = at; }
+}
+
+function decode(curves) {
+  curves.n = curves.time.length; curves.run = []; curves.starts = [];
+  curves.runs.forEach((run, k) => { curves.starts.push(curves.run.length); for (let i = 0; i < run.points; i++) curves.run.push(k); });
+  return curves;
+}
+function unpack(texts) {
+  const found = {};
+  for (const [name, text] of Object.entries(texts)) {
+    const raw = atob(text), bytes = new Uint8Array(raw.length);
+    for (let k = 0; k < raw.length; k++) bytes[k] = raw.charCodeAt(k);
+    found[name] = new Float32Array(bytes.buffer);
+  }
+  return found;
+}
+let flying = false, waiting = null;
+async function preview(effects, parts, settled) {
+  if (flying && !settled) { waiting = [effects, parts]; return; }
+  flying = true;
+  try {
+    const found = await ask("preview", {effects, parts});
+    now = {...found, predicted: unpack(found.predicted)};
+  } finally { flying = false; }
+  if (waiting && !settled) { const [e, p] = waiting; waiting = null; await preview(e, p, false); }
+}
+
+// Begin
+function begin() {
+  const r = view.recording, hold = $("recording"); hold.replaceChildren();
+  $("title").textContent = view.study || view.data.join(", ") || "Drop a recording and a study";
+  if (view.refused) hold.append(el("p", {class: "warning"}, view.refused));
+  if (!r) return;
+  if (r.refused) { hold.append(el("pre", {}, r.refused)); return; }
+  hold.append(el("p", {class: "result"}, r.sentence), ...r.doubts.map(d => el("p", {class: "warning"}, d)),
+    el("table", {}, el("tr", {}, ...["in the file", "unit", "read as"].map(t => el("th", {}, t))),
+      ...r.columns.map(c => el("tr", {}, el("td", {}, c.heading || ""), el("td", {}, c.unit || ""), el("td", {}, c.name || "")))),
+    el("p", {}, "Now drop the study of this robot (.yaml), or let 'pliant import FILE --out NEW.yaml' write one to fill in."));
+}
+
+// Pictures
+const words = k => { const o = output(), run = data.runs[data.run[k]];
+  const p = now.predicted[o.name][k];
+  return `${run.name}${run.aside ? " (put aside)" : ""}  ${data.time_label.split(" (")[0].split(",")[0]} ${short(data.time[k])}\nmeasured ${short(o.measured[k])} ${o.unit}\nmodel ${short(p)} ${o.unit}\nerror ${short(o.measured[k] - p)} ${o.unit}`; };
+const brush = test => {
+  if (!test) { marked = null; } else {
+    marked = new Uint8Array(data.n); const on = visible();
+    for (let k = 0; k < data.n; k++) marked[k] = on[k] && test(k) ? 1 : 0;
+  }
+  share(); draw();
+};
+const pictures = {time: new Picture($("time"), 290, brush, words), loops: new Picture($("loops"), 270, brush, words),
+  residual: new Picture($("residual"), 270, brush, words)};
+const output = () => data.outputs.find(o => o.name === $("output").value) || data.outputs[0];
+const circumstance = id => data.circumstances.find(c => c.name === $(id).value) || data.circumstances[0];
+function visible() {
+  const see = $("seeaside").checked, on = new Uint8Array(data.n);
+  for (let k = 0; k < data.n; k++) { const r = data.runs[data.run[k]]; on[k] = !r.off && (see || !r.aside) ? 1 : 0; }
+  return on;
+}
+function fill(select, items, keep) {
+  const was = select.value; select.replaceChildren(...items.map(i => el("option", {value: i.name}, i.label)));
+  select.value = items.some(i => i.name === was) ? was : (keep && items.some(i => i.name === keep) ? keep : (items[0] || {}).name);
+}
+function choices() {
+  fill($("output"), data.outputs);
+  const driving = data.circumstances.filter(c => !c.categories.length);
+  fill($("over"), driving); fill($("against"), data.circumstances, (data.circumstances.find(c => !c.drives) || {}).name);
+}
+// Time without the runs that are not shown, and where each run begins.
+function compact() {
+  const see = $("seeaside").checked, clock = data.time.slice(), rules = [];
+  let shift = 0;
+  data.runs.forEach((run, k) => {
+    const first = data.starts[k], last = (k + 1 < data.runs.length ? data.starts[k + 1] : data.n) - 1;
+    const end = k + 1 < data.runs.length ? data.time[data.starts[k + 1]] : data.time[last];
+    if (run.off || (run.aside && !see)) { shift += end - data.time[first]; return; }
+    for (let i = first; i <= last; i++) clock[i] = data.time[i] === null ? null : data.time[i] - shift;
+    rules.push({at: data.time[first] - shift, width: end - data.time[first], text: run.name});
+  });
+  return [clock, rules];
+}
+// Categories side by side, points spread a little so that each is seen.
+const spread = c => c.categories.length ? c.values.map((v, k) => v === null ? null : v + 0.5 * (((k * 0.618034) % 1) - 0.5)) : c.values;
+function draw() {
+  if (!data || !now) return;
+  const o = output(), p = now.predicted[o.name], base = asis && $("asis").checked && view.model.cursor > 0 ? asis.predicted[o.name] : null;
+  const on = visible(), faint = data.run.map(k => data.runs[k].aside), floor = now.floors[o.name] || 0;
+  const lines = [...(base ? [{values: base, colour: PLAIN, width: 1.4}] : []), {values: p, colour: MODEL}];
+  const common = {on, faint, marked, starts: data.starts, lines};
+  const [clock, rules] = compact();
+  pictures.time.show({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
+  const over = circumstance("over");
+  if (over) pictures.loops.show({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
+  const against = circumstance("against"), rest = o.measured.map((v, k) => v === null || p[k] !== p[k] ? null : v - p[k]);
+  const unit = o.unit ? ` (${o.unit})` : "";
+  pictures.residual.show({...common, lines: [], x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
+    xlabel: against.axis, ylabel: `measured − model${unit}`, name: `error of ${o.label} over ${against.label}`});
+  $("floor").textContent = floor ? `; one is ${short(floor)} ${o.unit}, from ${now.floor_from[o.name]}` : "; no floor is known here";
+}
+function share() {
+  if (!marked) { $("brushed").textContent = ""; return; }
+  let all = 0, mine = 0, count = 0, of = 0;
+  const on = visible();
+  for (const o of data.outputs) {
+    const p = now.predicted[o.name], floor = now.floors[o.name] || 1;
+    for (let k = 0; k < data.n; k++) {
+      if (!on[k] || data.runs[data.run[k]].aside || o.measured[k] === null || p[k] !== p[k]) continue;
+      const q = ((o.measured[k] - p[k]) / floor) ** 2; all += q; of++;
+      if (marked[k]) { mine += q; count++; }
+    }
+  }
+  $("brushed").textContent = of ? `marked: ${percent(count / of)} of the readings, ${percent(mine / (all || 1))} of the squared error` : "";
+}
+
+// Tables and words
+function sentence() { $("sentence").textContent = where ? where.sentence : ""; }
+function tables() {
+  const m = view.model, ratio = where ? where.runs : {};
+  $("aside").textContent = m.aside;
+  $("runs").replaceChildren(el("tr", {}, ...["on", "run", "condition", "error / noise"].map((t, k) => el("th", {class: k === 3 ? "n" : ""}, t))),
+    ...data.runs.map(run => { const box = el("input", {type: "checkbox", "aria-label": `run ${run.name}`, onchange: attempt(event => toggle(run.name, event.target.checked))});
+      box.checked = !run.off;
+      return el("tr", {class: run.aside ? "asiderow" : ""}, el("td", {}, box), el("td", {}, run.name), el("td", {}, run.words),
+        el("td", {class: "n"}, run.off ? "off" : run.aside ? "put aside" : ratio[run.name] ? ratio[run.name].toFixed(2) : "–")); }));
+  if (where) {
+    $("places").replaceChildren(el("tr", {}, el("th", {}, "condition"), el("th", {class: "n"}, "of error"), el("th", {class: "n"}, "of readings")),
+      ...where.places.slice(0, 7).map(p => el("tr", {}, el("td", {}, p.condition), el("td", {class: "n"}, percent(p.share)), el("td", {class: "n"}, percent(p.readings)))));
+    $("depends").replaceChildren(...where.depends_on.filter(d => d.share > 0.02).map(d => el("tr", {}, el("td", {}, d.words), el("td", {class: "n"}, percent(d.share)))));
+  }
+  $("doubts").hidden = !m.doubts.length;
+  $("doubts").querySelector("ul").replaceChildren(...m.doubts.map(d => el("li", {}, d)));
+  stairs($("stairs"), m.steps, m.cursor);
+  const text = v => v === null ? "–" : v.toFixed(2);
+  $("history").replaceChildren(...m.steps.map((s, k) => el("li", {class: k === m.cursor ? "now" : k > m.cursor ? "undone" : ""},
+    el("button", {type: "button", onclick: attempt(() => ask("go", {cursor: k}))}, s.words), " ",
+    el("span", {class: "soft"}, s.aside === null ? `${text(s.error)} on the runs it sees; none is put aside` : `${text(s.aside)} on runs put aside, ${text(s.error)} ${s.fitted ? "fitted" : "on the others"}`))));
+  $("warnings").replaceChildren(...m.warnings.map(w => el("p", {class: "warning"}, w)));
+  $("undo").disabled = m.cursor === 0; $("redo").disabled = m.cursor >= m.steps.length - 1;
+  $("fit").disabled = !m.effects.length;
+  verdict(m);
+}
+function verdict(m) {
+  const hold = $("verdict"), d = m.diagnosis, f = m.fit; hold.replaceChildren();
+  const link = (name, text) => el("a", {href: `/result/${name}?token=${encodeURIComponent(token)}`, target: "_blank", rel: "noopener"}, text);
+  if (f && f.what === "improve") {
+    hold.append(el("p", {class: "result"}, f.sentence), el("p", {class: "soft"}, f.reason),
+      el("table", {}, el("tr", {}, el("th", {}, "step of improve"), el("th", {class: "n"}, "put aside"), el("th", {class: "n"}, "left out")),
+        ...f.steps.map(s => el("tr", {}, el("td", {}, s.words), el("td", {class: "n"}, s.aside === null ? "–" : `${s.aside.toFixed(2)} ± ${s.se.toFixed(2)}`), el("td", {class: "n"}, s.training.toFixed(2))))));
+    if (f.report) hold.append(el("p", {}, link(f.report, "The report of Improve")));
+  }
+  if (d) {
+    hold.append(el("p", {class: "result"}, d.sentence));
+    hold.append(el("table", {}, el("tr", {}, el("th", {}, "explanation"), el("th", {class: "n"}, "probability"), el("th", {class: "n"}, "left-out error / noise")),
+      ...d.hypotheses.filter(h => h.probability > 0.001).slice(0, 5).map(h => el("tr", {}, el("td", {}, h.kinds.join(" + ").replaceAll("_", " ") || "nothing is missing"), el("td", {class: "n"}, percent(h.probability)), el("td", {class: "n"}, short(h.left_out))))));
+    if (d.next) hold.append(el("p", {}, d.next));
+    const links = [...(d.protocol ? [link(d.protocol, "The file of the next run")] : []), ...(d.report ? [link(d.report, "The report of Diagnose")] : [])];
+    if (links.length) hold.append(el("p", {}, links[0], links[1] ? " · " : "", links[1]));
+  }
+}
+function silent(found) {
+  const quiet = view.model.catalogue.filter(c => found.kinds[c.kind] && !found.kinds[c.kind].shown);
+  const out = Object.entries(found.left_out);
+  $("silent").hidden = !(quiet.length + out.length);
+  $("silent").querySelector("summary").textContent = `${quiet.length} effects these runs could not show, ${out.length} this chain cannot have`;
+  $("silent").querySelector("ul").replaceChildren(
+    ...quiet.map(c => el("li", {}, `${c.kind.replaceAll("_", " ")}. `, found.kinds[c.kind].excited_by)), ...out.map(([, why]) => el("li", {}, why)));
+}
+function job(running) {
+  $("job").hidden = !running;
+  for (const id of ["fit", "diagnose", "improve"]) $(id).disabled = !!running || (id === "fit" && !(view && view.model && view.model.effects.length));
+  if (running) $("jobwords").textContent = `${running.what}${running.done ? `, ${running.done} fits` : ""}, ${Math.round(running.seconds)} s ${running.stopping ? "· stopping" : running.words ? `· ${running.words}` : ""}`;
+}
+
+// What is done
+const effects = new EffectList($("effects"),
+  effects => preview(effects, now ? now.parts : 0, false).then(() => { draw(); share(); }).catch(error => say(error.message)),
+  attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }));
+function effectsBusy(busy) { effects.busy = busy; }
+async function beat() { const b = await ask("pulse"); job(b.job); if (b.version !== version) { version = b.version; await load(); } }
+async function toggle(name, on) {
+  const off = new Set(view.model.off); if (on) off.delete(name); else off.add(name);
+  await ask("step", {effects: view.model.effects, off: [...off], words: `${name} ${on ? "on" : "off"}`}); await beat();
+}
+async function upload(files) {
+  const order = [...files].sort((a, b) => /\.ya?ml$/i.test(a.name) - /\.ya?ml$/i.test(b.name));
+  for (const file of order) {
+    say(`reading ${file.name} …`);
+    const answer = await fetch(`/api/upload?name=${encodeURIComponent(file.name)}`, {method: "POST", headers, body: file});
+    const found = await answer.json(); if (!answer.ok) throw new Error(found.error);
+  }
+  say(""); asis = null; await beat();
+}
+function dialog(title, text, links) {
+  $("dialogtitle").textContent = title; $("dialogtext").textContent = text; $("dialoglinks").replaceChildren(...links); $("dialog").showModal();
+}
+const go = (id, work) => $(id).addEventListener("click", attempt(work));
+go("undo", async () => { await ask("go", {cursor: view.model.cursor - 1}); await beat(); });
+go("redo", async () => { await ask("go", {cursor: view.model.cursor + 1}); await beat(); });
+for (const what of ["diagnose", "improve"]) go(what, async () => { await ask("run", {what}); await beat(); });
+go("fit", async () => { const kinds = view.model.effects.map(e => e.kind), added = kinds.filter(k => !view.model.own.includes(k));
+  await ask("run", {what: "fit", kinds: added.length ? added : kinds}); await beat(); });
+go("stop", () => ask("stop", {}));
+go("example", async () => { await ask("example", {}); await beat(); });
+go("report", () => { window.open(`/report?token=${encodeURIComponent(token)}`, "_blank", "noopener"); });
+go("save", async () => { const s = await ask("save", {});
+  dialog("The study is saved", `${s.path}\n\nThe same by commands:\n${s.commands}\n\n${s.yaml}`, [el("a", {href: `/saved/${encodeURIComponent(s.name)}?token=${encodeURIComponent(token)}`, download: s.name}, "Download")]); });
+go("yaml", async () => { const s = await ask("save", {}); let told = "copied";
+  try { await navigator.clipboard.writeText(s.yaml); } catch { told = "copy it from here"; } dialog(`As YAML, ${told}`, s.yaml, []); });
+for (const id of ["output", "over", "against", "asis", "seeaside"]) $(id).addEventListener("change", () => { share(); draw(); });
+$("files").addEventListener("change", attempt(async event => { await upload(event.target.files); event.target.value = ""; }));
+document.addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dragging"); });
+document.addEventListener("dragleave", () => document.body.classList.remove("dragging"));
+document.addEventListener("drop", attempt(async event => { event.preventDefault(); document.body.classList.remove("dragging"); await upload(event.dataTransfer.files); }));
+document.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !/input|textarea/i.test(event.target.tagName)) { event.preventDefault(); $(event.shiftKey ? "redo" : "undo").click(); } });
+// For tests and benchmarks: a model redrawn as a slider does, and how long it took until it stood on the screen.
+window.pliantRedraw = async effects => { const t = performance.now(); await preview(effects, now.parts, false); draw();
+  await new Promise(r => requestAnimationFrame(() => setTimeout(r, 0))); return performance.now() - t; };
+pulse();

@@ -1,0 +1,350 @@
+"""The long pieces of work of the page: fit what is ticked, diagnose, improve; each gives JSON values to keep."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.app.folder import SessionFolder
+from pliant.app.open_model import OpenModel, WatchedPredictor
+from pliant.app.page_state import Effects
+from pliant.config.writing import StudyDraft, name_of_file
+from pliant.diagnosis.candidates import candidate_kinds
+from pliant.diagnosis.diagnosis import Diagnosis, next_words
+from pliant.diagnosis.diagnosis import diagnose as diagnose_with
+from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
+from pliant.diagnosis.fitting import score
+from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
+from pliant.errors import UserError
+from pliant.experiments.experiment_catalogue import own_runs
+from pliant.experiments.protocol_file import write_protocol
+from pliant.formatting import listed, whole_percent
+from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.files import sources_of
+from pliant.registry.discovery import discover
+from pliant.report.diagnosis import diagnosis_document
+from pliant.report.document import Document
+from pliant.report.extension import cited, origin
+from pliant.report.improvement import improvement_document, stands_for
+from pliant.report.improvement import origin as improvement_origin
+from pliant.report.render import page
+from pliant.store.store import write_atomically
+
+Tick = Callable[[str], None]
+# A rise on runs put aside by this share is said.
+RISE = 0.01
+# Below this probability a ticked effect is said to be an unlikely one.
+UNLIKELY = 0.05
+
+
+@dataclass(frozen=True)
+class Task:
+    """What work has in hand: the model, the effects that it begins from, and how it is watched."""
+
+    model: OpenModel
+    effects: Effects
+    tick: Tick
+    stopped: Callable[[], bool]
+
+    @property
+    def ground(self) -> Ground:
+        """Of the training runs, with a predictor that heeds the stop of this task alone."""
+        ground = self.model.ground
+        watched = copy.copy(ground.predictor)
+        assert isinstance(watched, WatchedPredictor)
+        watched.stopped = self.stopped
+        return Ground(watched, ground.measurement, ground.groups)
+
+
+def fit(task: Task, folder: SessionFolder, key: str, kinds: Sequence[str]) -> dict[str, Any]:
+    """Fit effects of these kinds by `pliant extend`, on the training runs; a study with them is written."""
+    model, ground = task.model, task.ground
+    kinds = candidate_kinds(model.bench.registry, kinds)
+    begun = model.effects(tuple(one for one in task.effects if one["kind"] in _own(model)))
+    found = extend(ground, begun, kinds)
+    file = _study_name(model, kinds, key)
+    study = model.study.model_copy(update={"effects": begun})
+    note = f"{origin(found, model.measurement)}; {len(model.split.runs)} runs put aside"
+    _write(folder.results / file, model, study.effects, found, note)
+    effects = tuple(effect.canonical() for effect in found.effects)
+    before = _errors(model, tuple(one.canonical() for one in begun), effects)
+    return {
+        "what": "fit",
+        "kinds": list(kinds),
+        "effects": effects,
+        "estimates": _estimates(found),
+        "absent": list(found.absent),
+        "converged": found.fit.converged,
+        **before,
+        "warnings": fit_warnings(found, ground, begun, before),
+        "study": file,
+    }
+
+
+def fit_warnings(
+    found: Extension, ground: Ground, begun: Sequence[EffectConfig], errors: Mapping[str, Any]
+) -> list[str]:
+    """What speaks against the effects that were fitted, in sentences; empty where they earn their place."""
+    said = []
+    kinds = listed(found.kinds)
+    floors = {name: floor.value for name, floor in found.noise.floors.items() if floor.value > 0.0}
+    before = ground.residuals(begun)
+    gain = prediction_gain(block_squares(before, floors), block_squares(found.left_out_runs, floors))
+    if gain.sure <= SURE:
+        left = score(found.left_out_runs, found.noise.floors).over_floor
+        was = score(before, found.noise.floors).over_floor
+        said.append(
+            f"{kinds}: runs left out of the fit are not predicted better beyond chance ({was:.2f} → {left:.2f} times "
+            "the noise). A smaller fitted error is what any added number gives; take it out again."
+        )
+    aside, was_aside = errors["after"]["aside"], errors["before"]["aside"]
+    if aside is not None and was_aside is not None and aside > (1.0 + RISE) * was_aside:
+        said.append(
+            f"With {kinds} the error on the runs put aside rises from {was_aside:.2f} to {aside:.2f} times the noise: "
+            "unseen runs become worse."
+        )
+    if found.absent:
+        said.append(f"No strength of {listed(found.absent)} is told from zero by these runs.")
+    if not found.fit.converged:
+        said.append("The fit did not settle; believe its numbers less.")
+    return said
+
+
+def diagnose(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
+    """`pliant diagnose` of the model as it stands, on the training runs."""
+    model = task.model
+    study = model.study.model_copy(update={"effects": model.effects(task.effects)})
+    base = task.ground.predictor
+    predictor = WatchedPredictor(base.bench, base.backend, base.chain, model.split.training, study.effects)
+    predictor.stopped = task.stopped
+    own = own_runs(study, predictor.chain, predictor.measurement)
+    found = diagnose_with(predictor, kinds=None, runs=own, tick=task.tick)
+    protocol = _protocol(folder, key, model, found)
+    document = diagnosis_document(
+        study.name, model.split.training, found, model.bench.registry, next_file=protocol
+    )
+    return {
+        "what": "diagnose",
+        "sentence": document.sentence,
+        "verdict": found.verdict,
+        "selected": list(found.selected),
+        "single": {
+            kinds[0]: {
+                "probability": found.judgement.probability.get(kinds, 0.0),
+                "left_out": found.left_out_ratio(kinds),
+            }
+            for kinds in found.table.rows
+            if len(kinds) == 1
+        },
+        "by_kind": _by_kind(found),
+        "nothing": found.left_out_ratio(()),
+        "hypotheses": [
+            {"kinds": list(kinds), "probability": p, "left_out": found.left_out_ratio(kinds)}
+            for kinds, p in list(found.judgement.probability.items())[:8]
+        ],
+        "next": next_words(found),
+        "protocol": protocol,
+        "classes": [
+            {"kinds": list(one.kinds), "run": one.run, "words": one.words, "minutes": one.minutes}
+            for one in found.classes
+        ],
+        "report": _report(folder, key, document),
+    }
+
+
+def improve(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
+    """`pliant improve` of the study, on all runs that are on; it puts the same runs aside."""
+    model = task.model
+    study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
+    found = improve_with(model.bench, study, model.read, tick=task.tick)
+    file = ""
+    if found.final is not None:
+        file = _study_name(model, ["improved"], key)
+        notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
+        note = improvement_origin(found, cited(model.measurement))
+        _write(folder.results / file, model, study.effects, found.final, note, notes)
+    document = improvement_document(study.name, model.read, found, model.bench.registry)
+    effects = model.own_effects
+    if found.final is not None:
+        effects = tuple(effect.canonical() for effect in found.final.effects)
+    return {
+        "what": "improve",
+        "sentence": document.sentence,
+        "stop": found.stop,
+        "reason": found.reason,
+        "steps": [
+            {
+                "words": step.named or "as it was",
+                "training": step.training.over_floor,
+                "aside": step.locked.over_floor if found.locked.runs else None,
+                "se": step.locked_se,
+                "why": step.why,
+            }
+            for step in found.steps
+        ],
+        "kinds": [kind for step in found.steps for kind in step.added],
+        "effects": effects,
+        "estimates": [] if found.final is None else _estimates(found.final),
+        "warnings": _rises(found),
+        **_errors(model, model.own_effects, effects),
+        "study": file,
+        "report": _report(folder, key, document),
+    }
+
+
+def write_by_hand(target: Path, model: OpenModel, effects: Effects) -> None:
+    """A study with these effects as they were set by hand.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    draft = StudyDraft(model.path)
+    configs = model.effects(effects)
+    meant = {**model.study.canonical(), "name": draft.name_after(target)}
+    meant["effects"] = [config.canonical() for config in configs]
+    draft.drop("effects")
+    draft.drop("posterior")
+    meant["posterior"] = None
+    for slot, config in enumerate(configs):
+        draft.set(("effects", slot, "kind"), config.kind, "set by hand on the evidence page, not fitted")
+        for name, value in config.canonical().items():
+            if name != "kind" and value is not None:
+                draft.set(("effects", slot, name), value)
+    _with_data(draft, meant, model)
+    draft.write(target, meant, discover(), full=True)
+
+
+def doubts_of(kinds: Sequence[str], diagnosis: Mapping[str, Any]) -> list[str]:
+    """What a diagnosis says against ticked effects, in sentences."""
+    by_kind: Mapping[str, float] = diagnosis.get("by_kind", {})
+    best = max(by_kind.items(), key=lambda one: one[1], default=("", 0.0))
+    said = []
+    for kind in kinds:
+        p = by_kind.get(kind)
+        if p is not None and p < UNLIKELY and diagnosis.get("verdict") != "insufficient_data":
+            told = f" '{best[0]}' has {whole_percent(best[1])}." if best[1] > 0.5 and best[0] != kind else ""
+            said.append(f"The diagnosis gives '{kind}' a probability of {_small(p)}.{told}")
+    return said
+
+
+def _small(p: float) -> str:
+    return "less than 1 %" if p < 0.01 else whole_percent(p)
+
+
+def _by_kind(found: Diagnosis) -> dict[str, float]:
+    """Probability that an effect is among those that are missing."""
+    total: dict[str, float] = {kinds[0]: 0.0 for kinds in found.table.rows if len(kinds) == 1}
+    for kinds, p in found.judgement.probability.items():
+        for kind in kinds:
+            total[kind] = total.get(kind, 0.0) + p
+    return total
+
+
+def _own(model: OpenModel) -> set[str]:
+    return {effect.kind for effect in model.study.effects}
+
+
+def _errors(model: OpenModel, before: Effects, after: Effects) -> dict[str, Any]:
+    """Errors of two models over one floor, that which the second leaves."""
+    later = model.predicted(after)
+    noise = model.noise(later)
+    return {
+        "before": vars(model.errors(model.predicted(before), noise)),
+        "after": vars(model.errors(later, noise)),
+    }
+
+
+def _estimates(found: Extension) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": one.name,
+            "kind": one.kind,
+            "parameter": one.parameter.name,
+            "value": found.values[one.name],
+            "sd": one.sd,
+            "low": one.low,
+            "high": one.high,
+            "words": one.words,
+            "doubts": list(one.doubts),
+        }
+        for one in found.uncertainty.estimates
+    ]
+
+
+def _study_name(model: OpenModel, added: Sequence[str], key: str) -> str:
+    """The file's name, after which the study is called."""
+    return f"{name_of_file(model.path)}+{'+'.join(added)[:60]}-{key[-6:]}.yaml"
+
+
+def _rises(found: Improvement) -> list[str]:
+    return [remark for remark in found.remarks if "rose from" in remark or "is still" in remark]
+
+
+def _write(
+    target: Path,
+    model: OpenModel,
+    effects: Sequence[EffectConfig],
+    found: Extension,
+    note: str,
+    notes: Mapping[str, str] | None = None,
+) -> None:
+    study = model.study.model_copy(update={"effects": tuple(effects)})
+    target.unlink(missing_ok=True)
+    write_extended_study(
+        model.path,
+        target,
+        study,
+        (),
+        found,
+        note,
+        discover(),
+        notes_by_kind=notes,
+        data=model.data or None,
+        full=True,
+    )
+
+
+def _with_data(draft: StudyDraft, meant: dict[str, Any], model: OpenModel) -> None:
+    if not model.data:
+        return
+    files = [str(file.absolute()) for file in model.data]
+    named: Any = files[0] if len(files) == 1 else files
+    draft.set(("measurements", "file"), named)
+    meant["measurements"] = {**(meant.get("measurements") or {}), "file": named if len(files) == 1 else files}
+
+
+def _protocol(folder: SessionFolder, key: str, model: OpenModel, found: Diagnosis) -> str:
+    """The file of the next run; empty where none is proposed."""
+    planned = found.next_run.planned if found.next_run is not None else None
+    if planned is None:
+        return ""
+    notes = model.study.measurements
+    named = model.data or (notes.file if notes is not None else ())
+    name = f"{key}.csv"
+    write_protocol(
+        folder.results / name,
+        planned,
+        model.measurement.outputs,
+        measurement=model.measurement,
+        notes=notes,
+        study=str(model.path),
+        data=[str(file) for file in sources_of(named)] if named else (),
+    )
+    return name
+
+
+def _report(folder: SessionFolder, key: str, document: Document) -> str:
+    """The command's own report; a picture that cannot be drawn costs the report, not the result."""
+    name = f"{key}.html"
+    try:
+        write_atomically(folder.results / name, page(document).html)
+    except (UserError, OSError, np.linalg.LinAlgError):
+        return ""
+    return name

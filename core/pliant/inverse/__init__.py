@@ -1,0 +1,1 @@
+"""Inverse statics: which actuations bring the robot where it should be."""

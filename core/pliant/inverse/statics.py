@@ -1,0 +1,263 @@
+"""Which actuations bring a chain to a target: Gauss–Newton through its equilibrium, in bounds.
+
+With r(p) the target's residual at the equilibrium under p, and J = ∂r/∂p by the implicit function theorem, a step
+solves min |r + J Δ|² over the inputs that are free to move; a step that does not help is damped (Levenberg and
+Marquardt). Bounds are kept by projection. Starts are the equilibria of the reachable set that lie nearest. Inputs count
+in shares of their ranges.
+
+Redundancy: of all actuations that reach the target, the one whose sum of squares, in shares of the ranges, is smallest
+(along a path: whose change from the pose before is): steps in the null space of J lead there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import NotReachedError, UserError
+from pliant.interfaces.physics import Simulation
+from pliant.inverse.answer import REACHED_M, InverseAnswer
+from pliant.inverse.limits import bounds_of
+from pliant.inverse.reachable import Reachable, sample
+from pliant.inverse.target import Target
+from pliant.records.design import Array
+from pliant.records.rollout import Inputs, Response
+
+SETTLED_M = 1e-10  # of the residual: no step is needed
+MOST_STEPS, MOST_SLIDES = 60, 40
+STARTS = 8
+FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e8
+# Shares of the largest singular value, squared, below which a direction does not move the target.
+IDLE = 1e-8
+SMALL_SHARE = 1e-7  # of a range: a move that is none
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A point of the search: shares of the ranges, its equilibrium, residual and slopes by the shares."""
+
+    x: Array
+    found: Response
+    r: Array
+    J: Array
+    cost: float
+
+
+class InverseStatics:
+    """The inverse of one chain in an engine with gradients."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        samples: int | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            simulation: of the chain.
+            bounds: low and high of inputs; those of the laws' data for the others.
+            samples: equilibria of the reachable set to start from.
+
+        Raises:
+            UserError: an input without bounds.
+        """
+        self.simulation, self.chain = simulation, simulation.chain
+        self.inputs = self.chain.inputs
+        self.bounds = bounds_of(self.chain, bounds)
+        self._range = np.ptp(self.bounds, axis=1)
+        self._samples = samples
+        self._reachable: Reachable | None = None
+        self._no_force = np.zeros(3)
+        self._evaluations = 0
+
+    @property
+    def reachable(self) -> Reachable:
+        """Equilibria over the whole range of the inputs; solved when first asked for."""
+        if self._reachable is None:
+            self._reachable = sample(self.simulation, self.inputs, self.bounds, self._samples)
+        return self._reachable
+
+    def solve(self, target: Target) -> InverseAnswer:
+        """The actuations for one target.
+
+        Raises:
+            UserError: a target that is none.
+            NotReachedError: a chain without any equilibrium in the bounds.
+        """
+        self._evaluations = 0
+        target = target.checked(self.chain.n_joints)
+        low, high = self.bounds[:, 0] / self._range, self.bounds[:, 1] / self._range
+        best, tried = None, 0
+        for number in self._nearest(target):
+            tried += 1
+            start = self.reachable.actuation[number] / self._range
+            place = self._descend(target, start, self.reachable.joint_angles[number], low, high)
+            if place is not None and (best is None or place.cost < best.cost):
+                best = place
+            if best is not None and best.cost <= REACHED_M**2:
+                best = self._slide(target, best, low, high, np.zeros(len(low)))
+                break
+        if best is None:
+            raise NotReachedError(
+                "the chain settles nowhere near the target under these bounds; narrow them."
+            )
+        return self._answer(best, low, high, tried)
+
+    def path(
+        self,
+        targets: Sequence[Target],
+        rates: Mapping[str, float] | None = None,
+        time_step_s: float = 1.0,
+    ) -> list[InverseAnswer]:
+        """The actuations along a path, each from the one before.
+
+        Args:
+            targets: in order, `time_step_s` apart.
+            rates: most change of an input per second; without any for inputs that are not named.
+            time_step_s: between targets.
+        """
+        for name in rates or {}:
+            if name not in self.inputs:
+                raise UserError(f"'rates' names {name}; the inputs are {', '.join(self.inputs)}.")
+        limits = np.array([(rates or {}).get(name, np.inf) for name in self.inputs])
+        most = limits * time_step_s / self._range
+        answers: list[InverseAnswer] = []
+        for target in targets:
+            if not answers:
+                answers.append(self.solve(target))
+                continue
+            before = answers[-1]
+            answers.append(self._next(target.checked(self.chain.n_joints), before, most))
+        return answers
+
+    def _next(self, target: Target, before: InverseAnswer, most: Array) -> InverseAnswer:
+        self._evaluations = 0
+        x = np.array([before.actuation[name] for name in self.inputs]) / self._range
+        low = np.maximum(self.bounds[:, 0] / self._range, x - most)
+        high = np.minimum(self.bounds[:, 1] / self._range, x + most)
+        place = self._descend(target, x, before.response.joint_angles, low, high)
+        if place is not None and place.cost <= REACHED_M**2:
+            return self._answer(self._slide(target, place, low, high, x), low, high, 1)
+        if np.isinf(most).all():  # free to jump
+            other = self.solve(target)
+            if place is None or other.distance_m**2 < place.cost:
+                return other
+        if place is None:
+            raise NotReachedError("the chain does not settle along the path; make its steps smaller.")
+        return self._answer(place, low, high, 1)
+
+    def _nearest(self, target: Target) -> NDArray[np.int64]:
+        """Samples in the order of their distance to the target, a few of them."""
+        distances = self.reachable.distances(target, self._turn(target))
+        return np.argsort(distances, kind="stable")[:STARTS]
+
+    def _turn(self, target: Target) -> float:
+        return self.chain.length_m if target.turn_m is None else target.turn_m
+
+    def _at(self, target: Target, x: Array, q: Array, force: Array) -> _Place | None:
+        """The equilibrium at x from q; None where there is none."""
+        self._evaluations += 1
+        values = dict(zip(self.inputs, (x * self._range).tolist(), strict=True))
+        found = self.simulation.respond(Inputs(values, force), q)
+        if not found.converged:
+            return None
+        r, slopes = target.residual(found, self._turn(target))
+        return _Place(x, found, r, slopes * self._range, float(r @ r))
+
+    def _force(self, target: Target) -> Array:
+        return self._no_force if target.push_n is None else -target.push_n
+
+    def _descend(self, target: Target, x: Array, q: Array, low: Array, high: Array) -> _Place | None:
+        """The nearest minimum of the distance; None where the start is no equilibrium."""
+        force = self._force(target)
+        place = self._at(target, np.clip(x, low, high), q, force)
+        damping = 0.0
+        for _ in range(MOST_STEPS):
+            if place is None or place.cost <= SETTLED_M**2:
+                break
+            step = _step(place, low, high, damping)
+            moved = np.clip(place.x + step, low, high)
+            if np.abs(moved - place.x).max() < 1e-13:
+                break
+            tried = self._at(target, moved, place.found.joint_angles, force)
+            if tried is not None and tried.cost < place.cost:
+                stalled = place.cost - tried.cost <= 1e-14 * place.cost
+                place, damping = tried, damping / 10.0 if damping > FIRST_DAMPING else 0.0
+                if stalled:
+                    break
+            else:
+                damping = max(10.0 * damping, FIRST_DAMPING)
+                if damping > MOST_DAMPING:
+                    break
+        return place
+
+    def _slide(self, target: Target, place: _Place, low: Array, high: Array, wanted: Array) -> _Place:
+        """Along the actuations that reach the target toward the ones that are wanted."""
+        if len(place.x) == 1:
+            return place
+        share = 1.0
+        for _ in range(MOST_SLIDES):
+            drift = _drift(place, low, high, wanted)
+            if np.abs(drift).max() < SMALL_SHARE or share < 1e-3:
+                break
+            tried = self._descend(target, place.x + share * drift, place.found.joint_angles, low, high)
+            nearer = tried is not None and np.linalg.norm(tried.x - wanted) < np.linalg.norm(place.x - wanted)
+            if tried is not None and nearer and tried.cost <= REACHED_M**2:
+                place, share = tried, min(1.0, 2.0 * share)
+            else:
+                share *= 0.5
+        return place
+
+    def _answer(self, place: _Place, low: Array, high: Array, starts: int) -> InverseAnswer:
+        values = place.x * self._range
+        limits = {}
+        for name, x, least, most in zip(self.inputs, place.x, low, high, strict=True):
+            if x - least < SMALL_SHARE or most - x < SMALL_SHARE:
+                limits[name] = "low" if x - least < SMALL_SHARE else "high"
+        distance = float(np.sqrt(place.cost))
+        actuation = dict(zip(self.inputs, values.tolist(), strict=True))
+        return InverseAnswer(actuation, distance, limits, replace(place.found), starts, self._evaluations)
+
+
+def _step(place: _Place, low: Array, high: Array, damping: float) -> Array:
+    """The damped Gauss–Newton step of the inputs that a bound does not hold; the smallest where several do."""
+    g = place.J.T @ place.r
+    free = ~(((place.x <= low) & (g > 0.0)) | ((place.x >= high) & (g < 0.0)))
+    step = np.zeros(len(g))
+    if len(g) == 1:
+        size = float(place.J[:, 0] @ place.J[:, 0])
+        if free[0] and size > 0.0:
+            step[0] = -g[0] / (size * (1.0 + damping))
+        return step
+    if not free.any():
+        return step
+    part = place.J[:, free]
+    sizes, ways = np.linalg.eigh(part.T @ part)
+    inverse = np.zeros(len(sizes))
+    moving = sizes > IDLE * sizes[-1]
+    inverse[moving] = 1.0 / (sizes[moving] + damping * sizes[-1])
+    step[free] = -ways @ (inverse * (ways.T @ g[free]))
+    return step
+
+
+def _drift(place: _Place, low: Array, high: Array, wanted: Array) -> Array:
+    """The part of the way to what is wanted that does not move the target, bounds held."""
+    free = np.ones(len(place.x), bool)
+    drift = np.zeros(len(place.x))
+    for _ in range(len(free)):
+        part = place.J[:, free]
+        sizes, ways = np.linalg.eigh(part.T @ part)
+        idle = ways[:, sizes <= IDLE * max(float(sizes[-1]), 1e-300)]
+        drift[:] = 0.0
+        drift[free] = idle @ (idle.T @ (wanted - place.x)[free])
+        held = free & (((place.x <= low) & (drift < 0.0)) | ((place.x >= high) & (drift > 0.0)))
+        if not held.any():
+            break
+        free &= ~held
+        if not free.any():
+            return np.zeros(len(free))
+    return drift

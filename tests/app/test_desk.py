@@ -1,0 +1,161 @@
+"""A session: nothing is lost or solved twice, unseen runs are told, a study is saved with what was fitted."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pliant import api
+from pliant.app import work
+from pliant.app.curves import predicted_points
+from pliant.app.desk import Desk
+from pliant.app.folder import SessionFolder
+from pliant.diagnosis.extension import Ground, extend
+from pliant.diagnosis.test_split import lock
+from pliant.errors import UserError
+
+
+def _ticked(desk: Desk, kind: str) -> tuple[dict[str, object], ...]:
+    catalogue = desk.view()["model"]["catalogue"]
+    return ({**next(one["begun"] for one in catalogue if one["kind"] == kind)},)
+
+
+def _fitted(desk: Desk, kind: str) -> dict[str, object]:
+    desk.run("fit", [kind])
+    desk.bench.wait()
+    return desk.view()["model"]
+
+
+def test_a_fit_gives_what_the_command_gives_on_the_training_runs(desk: Desk, bench: Path) -> None:
+    model = _fitted(desk, "actuation_gain")
+    opened = api.open_study(bench / "bend.yaml", store=bench / "store")
+    training = lock(api.read_measurement(opened)).training
+    found = extend(Ground.of(opened.bench, opened.study, training), (), ["actuation_gain"])
+    assert model["effects"][0]["gain"] == found.values["actuation_gain.gain"]
+    estimate = model["fit"]["estimates"][0]
+    assert estimate["low"] < 1.25 < estimate["high"]
+    first, last = model["steps"][0], model["steps"][-1]
+    assert last["aside"] < 0.3 * first["aside"]
+    assert 0.7 < last["aside"] < 1.5
+    assert not model["warnings"]
+
+
+def test_work_that_was_done_is_not_done_again(
+    desk: Desk, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = _fitted(desk, "actuation_gain")
+    monkeypatch.setattr(work, "fit", lambda *_: pytest.fail("fitted twice"))
+    again = Desk(SessionFolder(bench / "session"), bench / "store")
+    again.begin(bench / "bend.yaml", [])
+    after = again.view()["model"]
+    assert json.dumps(after["steps"]) == json.dumps(before["steps"])
+    again.go(0)
+    again.run("fit", ["actuation_gain"])
+    assert again.bench.job is None
+    assert again.view()["model"]["effects"] == before["effects"]
+
+
+def test_work_that_was_cut_off_is_taken_up(desk: Desk, bench: Path) -> None:
+    folder = SessionFolder(bench / "session")
+    folder.keep(replace(desk.state, pending={"what": "fit", "kinds": ["actuation_gain"]}))
+    again = Desk(folder, bench / "store")
+    again.begin(bench / "bend.yaml", [])
+    again.bench.wait()
+    assert again.view()["model"]["steps"][-1]["fitted"]
+    assert folder.state().pending is None
+
+
+def test_stopped_work_changes_nothing(desk: Desk) -> None:
+    steps = desk.state.steps
+    desk.run("diagnose")
+    desk.stop()
+    desk.bench.wait()
+    assert desk.state.steps == steps
+    assert desk.state.pending is None
+    assert "stopped" in desk.said[-1] or desk.view()["model"]["diagnosis"]
+
+
+def test_undo_redo_and_a_new_step_behind_an_undone_one(desk: Desk) -> None:
+    effects = _ticked(desk, "actuation_gain")
+    desk.step(effects, [], "ticked")
+    desk.go(0)
+    assert desk.view()["model"]["effects"] == ()
+    desk.go(1)
+    assert desk.view()["model"]["effects"][0]["kind"] == "actuation_gain"
+    desk.go(0)
+    desk.step((), ["r5"], "r5 off")
+    assert [step.words for step in desk.state.steps] == ["the study as it is", "r5 off"]
+
+
+def test_a_run_that_is_off_counts_in_no_error(desk: Desk) -> None:
+    model = desk._now().without(["r0"])
+    assert not np.isfinite(model.read.runs[0].outputs["angle_rad"]).any()
+    assert "r0" not in [model.read.runs[k].name for k in model.split.runs]
+    with pytest.raises(UserError, match="one run"):
+        desk.step((), [f"r{k}" for k in range(6)], "all off")
+
+
+def test_an_effect_that_makes_unseen_runs_worse_is_warned_of(desk: Desk) -> None:
+    """By hand, before any fit."""
+    desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
+    assert any("unseen runs become worse" in one for one in desk.view()["model"]["warnings"])
+
+
+@pytest.mark.parametrize("false", ["permanent_set", "dead_zone"])
+def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
+    """A gain explains everything here: what is fitted beside it lowers the fitted error by chance alone."""
+    assert not _fitted(desk, "actuation_gain")["warnings"]
+    right = Desk(SessionFolder(bench / "right"), bench / "store")
+    right.begin(Path(desk.save("right")["path"]), [])
+    model = _fitted(right, false)
+    assert model["steps"][-1]["fitted"], right.said
+    assert any("not predicted better" in one for one in model["warnings"])
+
+
+def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
+    model = _fitted(desk, "actuation_gain")
+    saved = Path(desk.save()["path"])
+    opened = api.open_study(saved, store=bench / "store")
+    assert [effect.canonical() for effect in opened.study.effects] == [dict(one) for one in model["effects"]]
+    assert opened.study.posterior is not None
+    assert np.isclose(api.compare(opened).outputs["angle_rad"].rmse, _rmse(desk), rtol=1e-6)
+    by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
+    desk.step(by_hand, [], "by hand")
+    again = api.open_study(desk.save("mine")["path"], store=bench / "store")
+    assert again.study.effects[0].canonical()["gain"] == 1.1
+    assert again.study.posterior is None
+
+
+def _rmse(desk: Desk) -> float:
+    model = desk._now()
+    predicted = model.predicted(desk.state.now.effects)
+    pairs = zip(model.measurement.runs, predicted, strict=True)
+    return float(
+        np.sqrt(np.mean(np.concatenate([r.outputs["angle_rad"] - p["angle_rad"] for r, p in pairs]) ** 2))
+    )
+
+
+def test_the_pictures_have_every_reading_and_the_screen_the_hidden_effect(desk: Desk) -> None:
+    shown = desk.curves()
+    assert sum(run["points"] for run in shown["runs"]) == 240 == len(shown["outputs"][0]["measured"])
+    model = desk._now()
+    packed = predicted_points(model, model.predicted(()))["angle_rad"]
+    assert len(packed) == 4 * 240 * 4 / 3
+    found = desk.screen()["kinds"]
+    assert found["actuation_gain"]["explains"] > 0.9
+    assert found["actuation_gain"]["explains"] >= max(one["explains"] for one in found.values()) - 0.05
+    assert not found["thermal_softening"]["shown"] if "thermal_softening" in found else True
+
+
+def test_effects_that_cannot_be_are_refused(desk: Desk) -> None:
+    for wrong in (
+        {"kind": "no_such"},
+        {"kind": "actuation_gain", "gain": 1e9},
+        {"kind": "actuation_gain", "x": 1},
+    ):
+        with pytest.raises(UserError):
+            desk.step((wrong,), [], "wrong")

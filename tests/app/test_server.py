@@ -1,0 +1,168 @@
+"""The server refuses what is not its own page, and takes files as data only."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("starlette", reason="pip install 'pliant[app]'")
+pytest.importorskip("httpx2", reason="starlette's test client needs httpx2")
+
+from starlette.testclient import TestClient
+
+from pliant.app import inbox
+from pliant.app.desk import Desk
+from pliant.app.folder import SessionFolder
+from pliant.app.inbox import receive, safe_name
+from pliant.app.server import application
+from pliant.errors import UserError
+
+from .conftest import STUDY, recording
+
+TOKEN = "right"
+MINE = {"x-pliant-token": TOKEN}
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> tuple[TestClient, Desk]:
+    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    return TestClient(application(desk, TOKEN), base_url="http://127.0.0.1:8642"), desk
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"x-pliant-token": "wrong"},
+        {**MINE, "host": "evil.example:8642"},
+        {**MINE, "origin": "http://evil.example"},
+        {**MINE, "origin": "null"},
+        {**MINE, "sec-fetch-site": "cross-site"},
+        {**MINE, "sec-fetch-site": "same-site"},
+    ],
+)
+def test_foreign_requests_are_refused(empty: tuple[TestClient, Desk], headers: dict[str, str]) -> None:
+    client, desk = empty
+    for method, path in (("GET", "/api/view"), ("POST", "/api/example"), ("POST", "/api/upload?name=a.csv")):
+        answer = client.request(method, path, headers=headers)
+        assert answer.status_code == 403
+        assert answer.text.startswith("Refused: ")
+    assert desk.state.study == ""
+
+
+def test_a_form_of_another_site_cannot_bring_the_token_in_the_address(
+    empty: tuple[TestClient, Desk],
+) -> None:
+    client, desk = empty
+    assert client.post(f"/api/example?token={TOKEN}").status_code == 403
+    assert client.get(f"/?token={TOKEN}").status_code == 200
+    assert desk.state.study == ""
+
+
+def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient, Desk]) -> None:
+    policy = empty[0].get(f"/?token={TOKEN}").headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
+    assert "script-src 'self';" in policy
+
+
+@pytest.mark.parametrize(
+    "path", ["/static/../desk.py", "/static/%2e%2e/desk.py", "/static/", "/result/..%2fsession.json"]
+)
+def test_nothing_but_its_own_files_is_served(empty: tuple[TestClient, Desk], path: str) -> None:
+    assert empty[0].get(path, headers=MINE).status_code == 404
+
+
+def test_dropped_files_open_a_study(empty: tuple[TestClient, Desk]) -> None:
+    client, _ = empty
+    assert client.post("/api/upload?name=bench.csv", headers=MINE, content=recording()).status_code == 200
+    read = client.get("/api/view", headers=MINE).json()["recording"]
+    assert "240" in read["sentence"]
+    assert client.post("/api/upload?name=bend.yaml", headers=MINE, content=STUDY).status_code == 200
+    view = client.get("/api/view", headers=MINE).json()
+    assert view["model"]["name"] == "bend"
+
+
+def test_hostile_names_are_inert(empty: tuple[TestClient, Desk]) -> None:
+    assert safe_name("../../etc/passwd.csv") == "passwd.csv"
+    assert safe_name("C:\\Windows\\x.CSV") == "x.csv"
+    assert safe_name("<img src=x onerror=alert(1)>.csv") == "_img src=x onerror=alert(1)_.csv"
+    assert safe_name("\u202egnp.csv") == "_gnp.csv"
+    assert safe_name("a" * 500 + ".csv") == "a" * 76 + ".csv"
+    assert safe_name("con.csv") == "_con.csv"
+    for bad in ("", ".csv", "run.py", "x.html", "a.csv.exe", "../..", "a\0.so"):
+        with pytest.raises(UserError):
+            safe_name(bad)
+    client, desk = empty
+    client.post("/api/upload?name=..%2f..%2fout.csv", headers=MINE, content=recording())
+    assert [one.name for one in desk.folder.files.iterdir()] == ["out.csv"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plugins: [evil.py]",
+        "extends: /etc/passwd",
+        "measurements: {file: ../secret.csv}",
+        "measurements: {file: /etc/passwd}",
+    ],
+)
+def test_a_dropped_study_runs_nothing_and_stays_in_its_folder(
+    empty: tuple[TestClient, Desk], line: str
+) -> None:
+    client, desk = empty
+    text = STUDY.replace("measurements: {file: bench.csv}", line)
+    answer = client.post("/api/upload?name=bend.yaml", headers=MINE, content=text)
+    assert answer.status_code == 422
+    assert (
+        line.split(":")[0] in answer.json()["error"]
+        or "leaves the session's folder" in answer.json()["error"]
+    )
+    assert desk.state.study == "" and not list(desk.folder.files.iterdir())
+
+
+def test_an_upload_is_bounded_whatever_it_declares(
+    empty: tuple[TestClient, Desk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, desk = empty
+    two_gb = {**MINE, "content-length": str(2 * 1024**3)}
+    answer = client.post("/api/upload?name=big.csv", headers=two_gb, content=b"x")
+    assert answer.status_code == 422 and "larger than 256 MB" in answer.json()["error"]
+    monkeypatch.setattr(inbox, "MOST_BYTES", 1000)
+    answer = client.post("/api/upload?name=big.csv", headers=MINE, content=b"x" * 2000)
+    assert answer.status_code == 422
+    assert not list(desk.folder.files.iterdir())
+
+
+def test_a_body_that_breaks_off_leaves_no_file(tmp_path: Path) -> None:
+    async def broken() -> AsyncIterator[bytes]:
+        yield b"run,"
+        raise ConnectionError
+
+    import asyncio
+
+    with pytest.raises(ConnectionError):
+        asyncio.run(receive(broken(), None, tmp_path / "a.csv"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_run_names_of_a_recording_stay_text(empty: tuple[TestClient, Desk]) -> None:
+    client, _ = empty
+    hostile = recording().replace("r0,", "<script>alert(1)</script>,")
+    client.post("/api/upload?name=bench.csv", headers=MINE, content=hostile)
+    client.post("/api/upload?name=bend.yaml", headers=MINE, content=STUDY)
+    answer = client.get("/api/curves", headers=MINE)
+    assert answer.headers["content-type"] == "application/json"
+    assert answer.json()["runs"][0]["name"] == "<script>alert(1)</script>"
+    page = (Path(inbox.__file__).parent / "static" / "page.js").read_text()
+    assert "innerHTML" not in page
+
+
+def test_a_request_that_is_not_understood_says_so(empty: tuple[TestClient, Desk]) -> None:
+    client, _ = empty
+    for body in (b"[1]", b"{", b"{}"):
+        answer = client.post("/api/preview", headers=MINE, content=body)
+        assert answer.status_code == 400 and "error" in answer.json()
+    assert client.post("/api/run", headers=MINE, json={"what": "rm"}).status_code == 422
+    assert client.post("/api/preview", headers=MINE, json={"effects": ["x" * 2_000_000]}).status_code == 422

@@ -1,0 +1,36 @@
+"""Labels and answers as the judge of the testbed reads them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.evidence.judge import judge
+from benchmarks.evidence.truths import right_verdicts
+
+CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
+
+
+def label_of(kind: str) -> dict[str, Any]:
+    label = {
+        "kind": kind,
+        "forms": ["a form"],
+        "engine": "functional",
+        "robot": "joint",
+        "protocol": "rich",
+        "excited": True,
+    }
+    return label | {"right": list(right_verdicts(kind)), "snr_reached": 2.0}
+
+
+def answer(verdict: str, *selected: str, credible: Any = ()) -> dict[str, Any]:
+    sets = [{"kinds": kinds} for kinds in credible]
+    return {"result": {"verdict": verdict, "selected": list(selected), "credible_set": sets}, "wall_s": 1.0}
+
+
+def stated(probability: float, right: bool) -> Any:
+    line = answer("missing_effect", "mullins" if right else "stiffness")
+    line["result"]["hypotheses"] = [
+        {"kinds": ["mullins" if right else "stiffness"], "probability": probability},
+        {"kinds": [], "probability": 1 - probability},
+    ]
+    return judge("effect", label_of("mullins"), line)
