@@ -191,7 +191,7 @@ class StateTable:
             raise UserError(f"{where}: '{text}' is not a finite number")
         if abs(value) > BEYOND:
             raise UserError(f"{where}: {text} is beyond ±{BEYOND:g}, and no quantity is that large")
-        if abs(value) < NOTHING:  # its square is no number
+        if 0.0 < abs(value) < NOTHING:  # its square is no number
             return 0.0
         if name == "angle_rad" and abs(value) > FULL_TURN:
             raise UserError(
