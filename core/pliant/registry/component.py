@@ -146,5 +146,9 @@ class Component:
 def _is_installed(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):  # its package is missing, or stands there half-loaded
+    except (
+        ImportError,
+        ValueError,
+        RecursionError,
+    ):  # its package is missing, half-loaded, or no name at all
         return False

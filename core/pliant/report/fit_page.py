@@ -283,6 +283,7 @@ def slope_map(fitted: ReportedLaw) -> style.Png:
                 axes.plot([x[j]], [y[i]], "o", ms=9, **ring)
             label = rf"$\partial\tau/\partial u$ ({unit.symbol})"
             bar = style.colour_bar(figure, mesh, label, ax=axes, pad=0.02)
+            style.with_math(bar)
             bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
             axes.grid(False)
             axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))

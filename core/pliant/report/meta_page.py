@@ -102,12 +102,15 @@ def parity_picture(fitted: MetaFitted) -> style.Png:
                 count = len(np.unique(misses.design[rows]))
                 scores = fitted.stage.scores[place].axes if place in fitted.stage.scores else {}
                 r2 = f"{scores[name].r2:.6f}" if name in scores else "–"
-                axes.set_title(f"{symbol}, {place}: {count} designs, R² {r2}", fontsize=9.5)
+                title = axes.set_title(f"{symbol}, {place}: {count} designs, R² {r2}", fontsize=9.5)
+                title.set_parse_math(True)
                 axes.set(xlabel=solved, ylabel=f"predicted {symbol} ({effort.symbol})")
+                style.with_math(axes)
             for place, rows in reversed(groups.items()):
                 tau = effort.factor * misses.tau[rows, a]
                 _dots(row[2], tau, 100 * fitted.shares[rows, a], COLOURS[place], place)
             _missed(row[2], solved, "% of the design's range", fontsize=9.5)
+            style.with_math(row[2])
         return style.png(figure)
 
 
