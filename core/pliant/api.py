@@ -107,7 +107,8 @@ def open_study(
     """
     bench = workbench(store, progress)
     study = load_study(Path(path), bench.registry, overrides, progress.note if progress else warnings.warn)
-    return OpenStudy(study, replace(bench, registry=with_files(bench.registry, study.plugins)))
+    registry = with_files(bench.registry, study.plugins)
+    return OpenStudy(study, replace(bench, registry=registry, store=ArtifactStore(Path(store), study.name)))
 
 
 def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> Workbench:

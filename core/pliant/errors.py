@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 import sys
 from collections.abc import Iterable
-from typing import NoReturn
+from typing import Any, NoReturn
+
+from pliant.user_text import brief
 
 INTERRUPTED = 130  # exit code after Ctrl-C
 
@@ -24,9 +26,15 @@ def interrupted_at_start() -> NoReturn:
 
 
 class PliantError(Exception):
-    """Base of all errors that Pliant raises on purpose; `exit_code` is what the command line returns."""
+    """Base of all errors that Pliant raises on purpose; `exit_code` is what the command line returns.
+
+    A message repeats what its user wrote, cut short: nobody finds the sentence in a megabyte.
+    """
 
     exit_code = 2
+
+    def __init__(self, *parts: Any) -> None:
+        super().__init__(*(brief(part) if isinstance(part, str) else part for part in parts))
 
 
 class UserError(PliantError):

@@ -53,6 +53,10 @@ NAMES = {
     "dimensionless": "a pure number",
 }
 
+BEYOND = 1e30  # no quantity is larger; its fourth power is still a number
+LONGEST_UNIT = 40
+POWERS = re.compile(r"(\^|\*\*)\s*[-+]?(\d{3,}|[\d.]+\s*(\^|\*\*))")
+
 
 # Factors of the commonest units, to the last bit those of `pint`, whose import takes as long as many a command.
 COMMON = {
@@ -98,8 +102,12 @@ def parse_quantity(text: str, unit: str) -> float:
             raise UnitError(f"'{text}' has a comma; write the decimals with a point, as in '1.5'")
         raise UnitError(f"'{text}' is not a quantity; it {wanted}")
     number, name = float(match[1]), (match[2] or "").strip()
+    if abs(number) > BEYOND:
+        raise UnitError(f"'{match[1]}' is beyond ±{BEYOND:g}, and no quantity is that large")
     if not name:
         return number
+    if len(name) > LONGEST_UNIT or POWERS.search(name):  # pint would compute m**10**10
+        raise UnitError(f"'{text}' has an unknown unit '{name}'; it {wanted}")
     if name in COMMON.get(unit, {}):
         return number * COMMON[unit][name]
     other = next((of for of, names in COMMON.items() if name in names), None)

@@ -78,11 +78,14 @@ class BarBench:
         if interface == "material":
             return REGISTRY.build("material", block)
         problem = SimpleNamespace(
-            ribbons=(1,) if self.ribbon_pa else (), joint="revolute", actuation="pressure_pa"
+            ribbons=(1,) if self.ribbon_pa else (),
+            mesh=SimpleNamespace(regions={}),
+            joint="revolute",
+            actuation="pressure_pa",
         )
         if interface == "family":
             return SimpleNamespace(main_axis="y", problem=lambda refinement, axes: problem)
-        return SimpleNamespace(solver=self._solver)
+        return SimpleNamespace(checked_solver=self._solver)
 
     def _solver(self, problem: Any, material: Any) -> Bar:
         self.solvers.append(Bar(material, self.ribbon_pa))

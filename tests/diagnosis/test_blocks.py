@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from tests.diagnosis.quick import REGISTRY, measurement_of, rich
 
-from pliant.diagnosis.unseen import block_squares, prediction_gain
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.fitting import EffectFit, ReadingVector
+from pliant.diagnosis.shared_effects import shapes_at_bound
+from pliant.diagnosis.unseen import best_of, block_squares, prediction_gain
 
 
 def test_blocks_hold_all_squares_and_readings_that_lack_count_none() -> None:
@@ -32,3 +38,33 @@ def test_of_models_that_differ_by_chance_few_are_sure() -> None:
     rng = np.random.default_rng(2)
     sure = [prediction_gain(*rng.chisquare(10, (2, 24))).sure > 2.5 for _ in range(2000)]
     assert np.mean(sure) < 0.02
+
+
+@pytest.mark.parametrize(("worse", "chosen"), [(1.5, "supply_lag"), (1.0 + 1e-4, "viscous_damping")])
+def test_of_look_alikes_the_one_that_predicts_better_is_taken_if_that_is_sure(worse, chosen):
+    """Errors of the usual one are larger by a factor in every block, the other's noise being another one."""
+    runs = rich()
+    blank = [{"angle_rad": np.zeros(len(run))} for run in runs]
+    readings = ReadingVector.of(measurement_of(runs, blank), ("angle_rad",), {"angle_rad": 1.0})
+    rng = np.random.default_rng(3)
+
+    def fit(size: float) -> EffectFit:  # without a parameter, so that left out is what is left
+        residual = size * rng.standard_normal(len(readings))
+        nothing = EffectSet.of(REGISTRY, ())
+        return EffectFit(nothing, np.zeros(0), residual, np.zeros((len(readings), 0)), True, ())
+
+    fits = {(): fit(1.0), ("viscous_damping",): fit(worse), ("supply_lag",): fit(1.0)}
+    found = SimpleNamespace(fits=fits, readings=readings)
+    assert best_of(found, ("viscous_damping", "supply_lag", "not_fitted"), "viscous_damping") == chosen
+
+
+def test_a_bound_at_which_an_effect_is_a_simpler_one_is_none():
+    candidate = EffectSet.of(REGISTRY, ("supply_lag",))
+    names = [parameter.declared.name for parameter in candidate.parameters]
+    values = {"second_ratio": 0.01, "vent_ratio": 5.0, "time_s": 0.5}
+    pairs = zip(candidate.parameters, names, strict=True)
+    x = np.array([parameter.x(values[name]) for parameter, name in pairs])
+    for ends, bound in (("second_ratio", False), ("vent_ratio", True)):
+        at_limit = tuple(name == ends for name in names)
+        fit = EffectFit(candidate, x, np.zeros(1), np.zeros((1, len(x))), True, at_limit)
+        assert bool(shapes_at_bound({("supply_lag",): fit})["supply_lag",]) == bound

@@ -266,5 +266,6 @@ def test_a_hundred_thousand_samples_are_weighed() -> None:
     pressure = P * (0.5 - 0.5 * np.cos(clock / 9.0))
     measurement = measured(CHAIN, [run_of(name, clock, pressure) for name in "ab"], STIFF)
     found = judged(measurement, kinds=["stiffness", "sensor_bias"])
-    assert found.table.n_readings == 100_000
+    assert 2_000 < found.table.n_readings < 12_000  # by the samples that matter
+    assert any("The recording is long: of 100000 samples" in remark for remark in found.remarks)
     assert found.selected == ("stiffness",)

@@ -56,6 +56,10 @@ def test_the_generated_pages_are_fresh_and_stale_ones_are_named(monkeypatch, cap
     assert {Path(line.split(" is missing")[0]) for line in capsys.readouterr().out.splitlines()} == set(stale)
 
 
+# Pages about records and fields show defaults as Python has them.
+OF_CODE = ("records", "plugin_basics")
+
+
 @pytest.mark.parametrize("page", [*WRITTEN, *GENERATED], ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere_and_tables_are_whole(page):
     text = page.read_text(encoding="utf-8")
@@ -66,7 +70,7 @@ def test_links_lead_somewhere_and_tables_are_whole(page):
         cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
         assert not (width and cells) or cells == width, line
         width = cells
-    if page in GENERATED:  # defaults are written as in a study
+    if page in GENERATED and page.stem not in OF_CODE:  # defaults are written as in a study
         defaults = re.findall(r"^\| `[^|]*` \|[^|]*\| `([^|]*)` \|", text, re.M)
         assert not [cell for cell in defaults if re.search(r"[('\")]|True|False", cell)]
 

@@ -45,7 +45,7 @@ def test_the_wheel_has_every_file_of_the_packages_and_the_examples(packages):
         path.relative_to(ROOT / folder).as_posix()
         for folder in ("core", "plugins")
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and path.suffix in (".py", ".j2", ".txt", ".yaml", ".typed", ".msh")
+        if path.is_file() and "__pycache__" not in path.parts
     }
     examples = {
         f"pliant/examples/{folder}/{file}" for folder, files, _ in EXAMPLES.values() for file in files

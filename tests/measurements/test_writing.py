@@ -12,7 +12,8 @@ from pliant.measurements.writing import write_measurement
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-NUMBER = st.floats(-1e12, 1e12, allow_nan=False)
+SIZES = st.floats(1e-25, 1e12)  # what is below 1e-30 is read as zero
+NUMBER = st.one_of(st.just(0.0), SIZES, SIZES.map(lambda size: -size))
 READING = st.one_of(NUMBER, st.just(np.nan))
 NAMES = st.text(st.characters(exclude_categories=("Cs", "Cc", "Zl", "Zp")), min_size=1, max_size=12).filter(
     lambda text: text == text.strip()

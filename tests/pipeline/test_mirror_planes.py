@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pliant.meshing.hexahedra import cell_volumes
+from pliant.meshing.cells import cell_volumes
 from pliant.pipeline.dataset import mirror_planes
 from pliant.registry.component import Component
 from pliant.registry.discovery import discover

@@ -21,6 +21,7 @@ from pliant.records.fem import FemDataset, ModuleData
 from pliant.tabular.fem_columns import table_digest
 from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
 from pliant.tabular.fem_writing import write_table
+from pliant.units import BEYOND
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
 NUMBERS = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
@@ -92,13 +93,15 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+# Numbers of quantities: none is larger, and what is smaller is read as nothing.
+finite = st.floats(-BEYOND, BEYOND).filter(lambda value: value == 0.0 or abs(value) >= 1 / BEYOND)
 word = st.text(
     st.characters(categories=("L", "N", "P", "S"), exclude_characters="#"), min_size=1, max_size=12
 )
 branches, roles = st.sampled_from(["free", "constrained"]), st.sampled_from(["fit", "check"])
-unknown = [st.floats(allow_infinity=False)] * 3
-state = st.tuples(finite, st.floats(-6.28, 6.28), finite, *unknown, branches, word, roles)
+unknown = [finite | st.just(float("nan"))] * 3
+angle = st.floats(-6.28, 6.28).filter(lambda value: value == 0.0 or abs(value) >= 1 / BEYOND)
+state = st.tuples(finite, angle, finite, *unknown, branches, word, roles)
 names = st.from_regex(r"design_[a-z]{1,8}_m", fullmatch=True)
 parameters = st.dictionaries(names, st.one_of(finite, st.integers(-(10**6), 10**6)), max_size=4)
 

@@ -102,6 +102,8 @@ def test_setting_keys_to_what_they_are_changes_nothing():
             study = load_study(path, REGISTRY)
         except UserError:
             continue  # no study
+        if study.family is not None and study.family.kind == "mesh_file":
+            continue  # its mesh is made by a script
         studies += 1
         setter, changes = StudySetter(study, REGISTRY), {}
         assert setter.study({}) == study

@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
-from pliant.config.loading import read_yaml
 from pliant.config.paths import change_paths
+from pliant.config.yaml_file import read_yaml
 from pliant.errors import UserError
 
 MOST_BYTES = 256 * 1024**2

@@ -66,6 +66,7 @@ def _bound(port: int, exact: bool) -> socket.socket:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             made.bind((LOOPBACK, one))
+            made.listen(128)  # a page that is opened at once waits instead of being refused
             return made
         except OSError:
             made.close()

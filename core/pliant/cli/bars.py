@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, TextColumn
@@ -13,6 +14,7 @@ from rich.progress import Task as RichTask
 from rich.text import Text
 
 from pliant.execution.progress import LogBar, Progress, ProgressBar, Silent
+from pliant.user_text import brief
 
 
 class _Rate(ProgressColumn):
@@ -38,7 +40,7 @@ class _Bar:
 
     def __init__(self, console: Console, title: str, total: int, done: int) -> None:
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             _Rate(),
@@ -76,11 +78,11 @@ class TerminalProgress:
             return Silent()
         if self.console.is_terminal:
             return _Bar(self.console, title, total, done)
-        return LogBar(self.console.print, title, total, done)
+        return LogBar(partial(self.console.print, markup=False), title, total, done)
 
     def note(self, text: str) -> None:
         # A corrupted artifact or a skipped engine must be heard even with --quiet.
-        self.console.print(f"note: {text}", highlight=False, soft_wrap=True, markup=False)
+        self.console.print(f"note: {brief(text)}", highlight=False, soft_wrap=True, markup=False)
 
 
 class FittingBar:

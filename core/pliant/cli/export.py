@@ -13,6 +13,7 @@ from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.exporting.law_files import ENDINGS, LAW_FORMATS, write_laws
+from pliant.exporting.written_law import NOT_WRITTEN, has_form
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.meshing.stl import write_stl
 from pliant.meshing.surfaces import welded
@@ -116,7 +117,9 @@ def export(
     here.say(f"written  {out}{f' and {meshes} mesh(es) in {files[-1].parent}' if meshes else ''}")
     for file in beside:
         here.say(f"written  {file}")
-    if engine.capabilities.export in ACTS:
+    if not has_form(carried.chain.laws):
+        here.say(NOT_WRITTEN)
+    elif engine.capabilities.export in ACTS:
         here.say(ACTS[engine.capabilities.export])
     for sentence in carried.sentences:
         here.say(sentence)

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from pliant import __version__
 from pliant.cli.bars import TerminalProgress
+from pliant.cli.console import VisibleConsole
 from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
@@ -41,7 +41,7 @@ FILE_ENDINGS = (".yaml", ".yml", ".json", ".html", ".csv")
 class Session:
     """The surroundings of one verb. `result` becomes the JSON, `say` prints for people.
 
-    `path` and `overrides` are of the study that was read, `installed` the plugins that were known before;
+    `path`, `study_name` and `overrides` are of the study that was read, `installed` the plugins that were known before;
     `until_end` holds contexts that last as long as the verb.
     """
 
@@ -52,13 +52,14 @@ class Session:
     exit_code: int = 0
     store: Path = Path()
     path: Path = Path()
+    study_name: str = ""
     overrides: tuple[str, ...] = ()
     until_end: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
         # With JSON on standard output, words for people go to standard error.
-        self.out = Console(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
-        self.err = Console(stderr=True, highlight=False)
+        self.out = VisibleConsole(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
+        self.err = VisibleConsole(stderr=True, highlight=False)
         self.installed = self.registry = discover()
 
     def say(self, text: object = "", markup: bool = False) -> None:
@@ -85,6 +86,7 @@ class Session:
         self.path, self.overrides = path, tuple(overrides or ())
         study = load_study(path, self.registry, self.overrides, self.progress.note)
         self.registry = with_files(self.registry, study.plugins)
+        self.study_name = study.name
         if unused := [key for key in study.unused() if key not in uses]:
             self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}'.")
         if searched := [key for key in study.searched() if key not in uses]:
@@ -104,7 +106,9 @@ class Session:
 
     def bench(self) -> Workbench:
         """A workbench on the verb's store."""
-        return Workbench(self.registry, ArtifactStore(self.store.expanduser()), self.progress)
+        return Workbench(
+            self.registry, ArtifactStore(self.store.expanduser(), self.study_name), self.progress
+        )
 
 
 @contextmanager

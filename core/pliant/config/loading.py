@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import datetime
 import hashlib
 import json
 import os
-import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,10 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
-from ruamel.yaml.constructor import DuplicateKeyError
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.error import YAMLError
 
 from pliant.config.designs import sweep_designs
 from pliant.config.paths import PATH_KEYS, change_paths
@@ -25,14 +21,13 @@ from pliant.config.problems import at_place, sentences
 from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.config.study_keys import study_key
+from pliant.config.yaml_file import DEEPEST, KeyPath, Plain, bounded_yaml, neighbours, read_yaml
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
-from pliant.registry.files import shown, with_files
+from pliant.registry.files import not_run_yet, shown, with_files
 
-KeyPath = tuple[Any, ...]
 Notes = TypeVar("Notes", bound=FrozenModel)
-DEEPEST = 64
 
 
 @dataclass
@@ -82,7 +77,10 @@ def load_study(
     for override in overrides:
         raw = _override(raw, override, sources)
     raw = normalised(raw)
-    registry = with_files(registry, _plugin_files(raw, sources))
+    own = _plugin_files(raw, sources)
+    if code := not_run_yet(own):  # before it runs: the study may be someone else's
+        note(f"{path.name} runs Python code of its own: {', '.join(map(shown, code))}.")
+    registry = with_files(registry, own)
     try:
         model = study_model(raw, registry)
     except UserError as error:
@@ -150,7 +148,7 @@ def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     if "pliant" in tree:
         return None
     pasted = tree["measurements"] if set(tree) == {"measurements"} else None
-    values = _plain(pasted if isinstance(pasted, CommentedMap) else tree, path, sources, ())
+    values = Plain(path, sources.places).values(pasted if isinstance(pasted, CommentedMap) else tree)
     if pasted is not None:
         values.pop("file", None)
     try:
@@ -158,58 +156,6 @@ def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     except ValidationError as error:
         text = sentences(error, model, sources.where)
         raise UserError(text.replace(" of a study", " of this file")) from None
-
-
-def read_yaml(path: Path) -> CommentedMap:
-    """One YAML file as ruamel's map; raises `UserError` with the line of a syntax error or duplicate key."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise UserError(f"{path}: no such file{_neighbours(path)}.") from None
-    except IsADirectoryError:
-        raise UserError(f"{path} is a folder; give a study file such as {path}/study.yaml.") from None
-    except UnicodeDecodeError:
-        raise UserError(f"{path}: it is not a UTF-8 text file; save it as UTF-8.") from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        cause = getattr(error, "strerror", None) or error
-        name = str(path) if len(str(path)) <= 80 else f"{str(path)[:60]}…"
-        raise UserError(f"{name}: the file cannot be read ({cause}).") from None
-    return _parse(text, path)
-
-
-def _parse(text: str, path: Path) -> CommentedMap:
-    yaml = YAML(typ="rt")
-    try:
-        data = yaml.load(text)
-    except DuplicateKeyError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else "?"
-        name = re.search(r'found duplicate key "([^"]*)"', str(error.problem))
-        key = f"'{name[1]}'" if name else "a key"
-        raise UserError(f"{path}, line {line}: key {key} stands twice; keep one.") from None
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else "?"
-        problem = str(error.problem)  # for people who never saw the parser's grammar
-        if "'\\t'" in problem:
-            problem = "there is a tab; YAML takes spaces only"
-        elif "found another document" in problem:
-            problem = "'---' begins a second document; a file holds one study"
-        raise UserError(f"{path}, line {line}: this is not YAML ({problem}).") from None
-    except YAMLError as error:
-        raise UserError(f"{path}: this is not YAML ({' '.join(str(error).split())}).") from None
-    except RecursionError:
-        raise UserError(f"{path}: blocks are nested too deeply.") from None
-    except ValueError as error:  # a number of thousands of digits, an impossible date
-        raise UserError(f"{path}: a value cannot be read ({str(error).partition(';')[0]}).") from None
-    if not isinstance(data, CommentedMap):
-        raise UserError(f"{path}: a study is a list of 'key: value' lines; this file holds none.")
-    return data
-
-
-def _neighbours(path: Path) -> str:
-    folder = path.parent
-    names = sorted(p.name for p in folder.glob("*.y*ml"))[:5] if folder.is_dir() else []
-    return f"; {folder} holds {', '.join(names)}" if names else ""
 
 
 @dataclass(frozen=True)
@@ -248,7 +194,7 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
         raise UserError(f"{path}: 'extends' runs in a circle ({names}).")
     sources.files.append(resolved)
     here = _Sources()
-    own = _plain(data, path, here, ())
+    own = Plain(path, here.places).values(data)
     extends = base_of(own.pop("extends", None), here.where(("extends",)))
     base: dict[str, Any] = {}
     base_digest = ""
@@ -257,7 +203,7 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
         if not os.path.isfile(base_path):  # noqa: PTH113 - never raises, whatever the name
             place = here.where(("extends",))
             raise UserError(
-                f"{place}: 'extends: {extends.file}' is no file beside it{_neighbours(base_path)}."
+                f"{place}: 'extends: {extends.file}' is no file beside it{neighbours(base_path)}."
             )
         base, base_digest = _read_with_bases(base_path, sources, (*chain, resolved))
         if not base_digest.startswith(extends.values_sha256):
@@ -297,32 +243,7 @@ def base_of(value: Any, place: str) -> Extends | None:
 
 def plain_values(node: Any, path: Path = Path()) -> Any:
     """What a parsed YAML tree says, as plain values; raises `UserError` for tags and endless aliases."""
-    return _plain(node, path, _Sources(), ())
-
-
-def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:
-    """ruamel's tree as plain values, remembering each key's line."""
-    if len(at) > DEEPEST:
-        raise UserError(f"{path}: '{at[0]}' is nested too deeply, or holds itself by an alias.")
-    tag = str(node.tag.value or "") if isinstance(node, CommentedMap | CommentedSeq | TaggedScalar) else ""
-    if isinstance(node, TaggedScalar) or tag.startswith("!"):
-        raise UserError(f"{sources.where(at) or path}: a study has no tags such as '{tag}'; leave it out.")
-    if isinstance(node, CommentedMap):
-        lines = node.lc.data or {}
-        for key in node:
-            if key in lines:  # keys that came in by a merge '<<' have no line of their own here
-                sources.places[(*at, str(key))] = f"{path}, line {lines[key][0] + 1}"
-        return {str(key): _plain(value, path, sources, (*at, str(key))) for key, value in node.items()}
-    if isinstance(node, CommentedSeq):
-        return [_plain(value, path, sources, (*at, i)) for i, value in enumerate(node)]
-    if isinstance(node, bool) or node is None:
-        return node
-    if isinstance(node, datetime.date):
-        return node.isoformat()
-    for kind in (int, float, str):
-        if isinstance(node, kind):
-            return kind(node)
-    return str(node)
+    return Plain(path).values(node)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -348,9 +269,11 @@ def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, An
     parts = key.strip().split(".")
     if not equals or not all(parts):
         raise UserError(f"'{text}' is not an override; write key=value, for example physics.kind=mujoco.")
+    if len(parts) > DEEPEST:
+        raise UserError(f"override '{text}': its key has {len(parts)} parts; {DEEPEST} are the most.")
     try:
-        value = _plain(YAML(typ="rt").load(written), Path("override"), _Sources(), ())
-    except (YAMLError, ValueError, RecursionError):
+        value = Plain(Path("override")).values(bounded_yaml(Path("override")).load(written))
+    except (YAMLError, ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError):
         value = written
     if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
         value = str(Path(value).absolute())

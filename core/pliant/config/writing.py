@@ -18,15 +18,14 @@ from ruamel.yaml.error import CommentMark
 from ruamel.yaml.tokens import CommentToken
 
 from pliant.config.loading import (
-    KeyPath,
     StudyFile,
     base_of,
     load_study,
     plain_values,
-    read_yaml,
     with_override,
 )
 from pliant.config.paths import change_paths
+from pliant.config.yaml_file import KeyPath, read_yaml
 from pliant.errors import UserError
 from pliant.registry.discovery import Registry
 from pliant.units import UnitError, parse_quantity, si_unit, strip_unit_suffix

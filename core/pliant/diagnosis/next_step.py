@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import THRESHOLDS, Kinds, sorted_kinds
 from pliant.diagnosis.shared_effects import SharedEffect, shapes_at_bound, shared_effects
-from pliant.diagnosis.unseen import best_prediction
+from pliant.diagnosis.unseen import best_of, best_prediction
 from pliant.registry.discovery import Registry
 
 # Effects that would predict as well are named up to so many.
@@ -89,7 +89,12 @@ def _shared(found: Diagnosis) -> SharedEffect | None:
         return None
     alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
     alike |= {frozenset(pair) for pair in combinations(found.judgement.selected_class, 2)}
-    return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
+    bounds = shapes_at_bound(found.fits)
+    shared = shared_effects(found.judgement.probability, alike, bounds, THRESHOLDS)
+    if shared is None or len(shared.stands_for) == 1:
+        return shared
+    free = [kind for kind in shared.stands_for if kind not in bounds.get((kind,), frozenset())]
+    return replace(shared, chosen=best_of(found, free, shared.chosen))
 
 
 def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:

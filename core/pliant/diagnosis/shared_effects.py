@@ -7,9 +7,11 @@ missing although nobody knows which: one member may stand for the group in a mod
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from pliant.diagnosis.candidates import FitParameter
 from pliant.diagnosis.evidence_table import (
     NOTHING,
     UNKNOWN,
@@ -70,12 +72,23 @@ def shared_effects(
 
 
 def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[str]]:
-    """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound."""
+    """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound.
+
+    A bound at which the effect is merely a simpler one, such as a supply with one volume, is none.
+    """
     found = {}
     for kinds, fit in fits.items():
-        ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
-        found[kinds] = frozenset(one.kind for one, there in ends if there and not one.is_strength)
+        ends = zip(fit.candidate.parameters, fit.x, fit.at_limit, strict=True)
+        found[kinds] = frozenset(
+            one.kind for one, x, there in ends if there and not one.is_strength and not _simpler(one, x)
+        )
     return found
+
+
+def _simpler(parameter: FitParameter, x: float) -> bool:
+    """Whether the parameter stands at a value at which its effect is declared to be a simpler one."""
+    value = parameter.value(float(x))
+    return any(math.isclose(value, at, rel_tol=1e-3) for at, _ in parameter.declared.simpler)
 
 
 def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> list[frozenset[str]]:

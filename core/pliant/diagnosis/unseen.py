@@ -90,14 +90,11 @@ class BestPrediction:
 
 def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPrediction | None:
     """Of the sets that were fitted, without these kinds; None where none predicts better beyond doubt."""
-    readings, plain = found.readings, found.fits[NOTHING].residual
-    groups = readings.fold if len(np.unique(readings.run)) > 2 else blocks_of(readings)
-    squares = {}
-    for kinds, fit in found.fits.items():
-        if set(kinds) & set(without) or not np.isfinite(fit.mean_square()):
-            continue
-        left = readings.unpack(heldout_residual(fit, groups, plain))
-        squares[kinds] = block_squares(left, readings.scales)
+    squares = {
+        kinds: _left_out_squares(found, kinds)
+        for kinds, fit in found.fits.items()
+        if not set(kinds) & set(without) and np.isfinite(fit.mean_square())
+    }
     gains = {
         kinds: prediction_gain(squares[NOTHING], mine) for kinds, mine in squares.items() if kinds != NOTHING
     }
@@ -111,3 +108,21 @@ def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPred
         (kinds[0] for kinds in as_good if len(kinds) == 1), key=lambda kind: float(squares[(kind,)].sum())
     )
     return BestPrediction(chosen, gains[chosen], tuple(alike) if len(chosen) == 1 else ())
+
+
+def best_of(found: Diagnosis, kinds: Collection[str], usual: str) -> str:
+    """Of single effects the one that predicts best, if it does so beyond its uncertainty; else the usual one."""
+    fitted = [kind for kind in kinds if (kind,) in found.fits and found.fits[(kind,)].mean_square() < np.inf]
+    if usual not in fitted:
+        return usual
+    squares = {kind: _left_out_squares(found, (kind,)) for kind in fitted}
+    best = min(fitted, key=lambda kind: float(squares[kind].sum()))
+    return best if prediction_gain(squares[usual], squares[best]).sure > 1.0 else usual
+
+
+def _left_out_squares(found: Diagnosis, kinds: Kinds) -> Array:
+    """(B,) sums of squares of a set's errors on runs, or blocks of a run, left out of its fit."""
+    readings, plain = found.readings, found.fits[NOTHING].residual
+    groups = readings.fold if len(np.unique(readings.run)) > 2 else blocks_of(readings)
+    left = readings.unpack(heldout_residual(found.fits[kinds], groups, plain))
+    return block_squares(left, readings.scales)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,11 @@ NOT_WRITTEN = (
     "The law of this study has no form that other languages can take: its surrogate, or an effect around it, is a "
     "plugin's without a scalar form. Export a study whose surrogate is polynomial, neural or table."
 )
+
+
+def has_form(laws: Sequence[JointLaw]) -> bool:
+    """Whether all of these laws can leave Pliant."""
+    return all(law.scalar() is not None for law in laws)
 
 
 @dataclass(frozen=True, eq=False)

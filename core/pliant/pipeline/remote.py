@@ -61,7 +61,7 @@ class RemoteStudy:
         registry = registry_with(self.plugins)
         raw = json.loads(self.study)
         study: Study = study_model(raw, registry).model_validate(raw)
-        return Workbench(registry, ArtifactStore(Path(self.store))), study
+        return Workbench(registry, ArtifactStore(Path(self.store), study.name)), study
 
 
 def other_version(how: str) -> UserError:

@@ -293,6 +293,9 @@ def sweep_study(
                 outcomes |= _run(bench, study, missing, running, bar)
     finally:
         bar.finish()
+    for outcome in outcomes.values():
+        if outcome.key:  # workers do not know the study
+            bench.store.uses.note("fem", outcome.key)
     return SweepRun(study, tuple(outcomes[n] for n in sorted(outcomes)), time.perf_counter() - started)
 
 

@@ -76,6 +76,12 @@ def files_of(registry: Registry) -> tuple[str, ...]:
     return tuple(str(sys.modules[name].__file__) for name in modules if name.startswith(FILE_MODULE))
 
 
+def not_run_yet(files: Sequence[Path]) -> list[Path]:
+    """Those of the files whose code this process has not executed."""
+    ran = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)}
+    return [file for file in files if str(file.resolve()) not in ran]
+
+
 def blamed(error: BaseException) -> str | None:
     """A sentence on an error that came out of such a file, or None for one that did not."""
     frames = traceback.extract_tb(error.__traceback__)

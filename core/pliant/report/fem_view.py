@@ -95,9 +95,9 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
             f"In {passed} of {len(data)} states convolutions pass through each other, as 'fem.self_contact: pass' "
             "lets them: a real module is stiffer there."
         )
-    if touching := int(np.sum(data.status == TOUCHING)):
+    if met := int(np.sum(data.status == TOUCHING)):
         found.append(
-            f"In {touching} of {len(data)} states walls touch and hold each other, without friction: the law bends "
+            f"In {met} of {len(data)} states walls touch and hold each other, without friction: the law bends "
             "where they meet, which 'surrogate: {kind: table}' follows better than a polynomial."
         )
     other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))

@@ -231,6 +231,7 @@ def _map_panel(
         )  # fmt: skip
     axes.margins(0.07)
     axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
+    style.with_math(axes)
     worst = part.rows(part.check).worst
     says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
     words = [f"axis {name}" if len(data.axes) > 1 else "", title]
@@ -285,6 +286,7 @@ def slope_map(fitted: ReportedLaw) -> style.Png:
             bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
             axes.grid(False)
             axes.set(xlabel=coordinate_words(data, name), ylabel=actuation_words(data))
+            style.with_math(axes)
             word = "softest" if shown.max() < 0 else "UNSTABLE"
             text = f"axis {name}: {word}" if len(names) > 1 else word
             largest = number(float(shown.max()), 3)

@@ -163,7 +163,7 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
         ) from None
     except OSError as error:
         raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
-    except (CorruptedError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (CorruptedError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         cause = str(error) if isinstance(error, CorruptedError) else f"{type(error).__name__}: {error}"
         raise UserError(f"{folder} is damaged ({cause}); run the study again.") from None
 
@@ -266,7 +266,7 @@ def _remove_earlier(folder: Path, keep: Collection[str]) -> None:
         earlier = json.loads(index.read_text())
         tables = [name for name in earlier["tables"] if TABLE.fullmatch(name)]
         unwanted = [name for name in earlier["artifacts"] if ARTIFACT.fullmatch(name) and name not in keep]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         tables, unwanted = [], []
     index.unlink(missing_ok=True)
     for name in tables:

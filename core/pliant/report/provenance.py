@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from pliant import __version__
@@ -133,8 +135,10 @@ def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _quantity(value: Any, unit: Unit) -> str:
-    if isinstance(value, bool | str):
-        return number(value) if isinstance(value, bool) else value
+    if isinstance(value, bool):
+        return number(value)
+    if isinstance(value, str):  # a report is the same wherever its files lie, and tells nobody's folders
+        return Path(value).name if os.path.isabs(value) else value  # noqa: PTH117 - a text
     if isinstance(value, Mapping):
         return "; ".join(f"{k} = {plain(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):

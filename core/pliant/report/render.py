@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pliant.formatting import displayed_in, units_of_page
 from pliant.report.document import Document, Page, Table, Warned
+from pliant.user_text import visible
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
@@ -88,7 +89,7 @@ def page(document: Document) -> Page:
     )
     pictures = [p for section in drawn.sections for p in section.pictures]
     shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures
-    return Page(html, {picture.name: picture.png for picture in shown})
+    return Page(visible(html), {picture.name: picture.png for picture in shown})
 
 
 def fragment(document: Document) -> str:
@@ -96,7 +97,7 @@ def fragment(document: Document) -> str:
 
     Points and warnings are folded. Every text is escaped.
     """
-    return str(
+    return visible(
         page_template("fragment.html.j2").render(
             document=document,
             tables=[block for block in document.brief if isinstance(block, Table)],

@@ -209,5 +209,5 @@ def read_search(folder: Path) -> tuple[Mapping[str, Any], SearchResult, tuple[Dr
         return value["study"], value["result"], tuple(DrawnDesign(**one) for one in value["drawn"])
     except FileNotFoundError:
         raise UserError(f"{folder} holds no finished search; give the folder of 'pliant optimize'.") from None
-    except (CorruptedError, OSError, ValueError, KeyError, TypeError) as error:
+    except (CorruptedError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UserError(f"{folder} is damaged ({error}); run 'pliant optimize' again.") from None

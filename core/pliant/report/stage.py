@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +16,7 @@ from pliant.registry.component import Component
 from pliant.report.document import Document, Page
 from pliant.report.render import page
 from pliant.store.fingerprint import versions
-from pliant.store.store import write_atomically, writing_in
+from pliant.store.store import writing_in
 
 REPORT = "report.html"
 # Pictures of every page; those that a page no longer has are taken away.
@@ -71,19 +73,25 @@ def write_page(folder: Path, html: str, pictures: Mapping[str, Any], name: str =
     `pictures` maps names to PNG bytes as uint8 arrays. Raises `UserError` where nothing can be written.
     """
     target = folder / name
+    pictures = pictures if name == REPORT else {}
     with writing_in(folder):
-        if name == REPORT:
-            _write_pictures(folder / "pictures", pictures)
-        write_atomically(target, html)
+        staged = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+        try:  # everything is on the disk before any of it takes its place
+            for picture, png in pictures.items():
+                (staged / f"{picture}.png").write_bytes(png.tobytes())
+            (staged / name).write_text(html, encoding="utf-8")
+            if name == REPORT:
+                _put_pictures(folder / "pictures", pictures, staged)
+            (staged / name).replace(target)
+        finally:
+            shutil.rmtree(staged, ignore_errors=True)
     return target
 
 
-def _write_pictures(folder: Path, pictures: Mapping[str, Any]) -> None:
+def _put_pictures(folder: Path, pictures: Mapping[str, Any], staged: Path) -> None:
     folder.mkdir(exist_ok=True)
-    for name, png in pictures.items():
-        temporary = folder / f".{name}.png"
-        temporary.write_bytes(png.tobytes())
-        temporary.replace(folder / f"{name}.png")
+    for name in pictures:
+        (staged / f"{name}.png").replace(folder / f"{name}.png")
     for old in folder.glob("*.png"):
         if old.stem not in pictures and NUMBERED.sub("", old.stem) in NAMES:
             old.unlink()

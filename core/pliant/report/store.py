@@ -1,56 +1,109 @@
-"""A store of artifacts as a document: how much each stage keeps, for terminal and JSON."""
+"""A store of artifacts as a document: what each study keeps of each stage, for terminal and JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from pliant.errors import UserError
-from pliant.formatting import number, plural
+from pliant.formatting import number, plural, seconds
 from pliant.report.document import Column, Document, as_json, brief_table
-from pliant.store.store import MANIFEST
+from pliant.store.inventory import Entry, entries
+
+UNKNOWN = "–"
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Finished artifacts of one stage: how many, their size on the disk, when the newest was made (ISO 8601, UTC)."""
+    """Artifacts of one stage that one study used.
 
+    Attributes:
+        study: its name; "–" for what no study is known of.
+        stage: of the work.
+        artifacts: how many.
+        size_bytes: on the disk.
+        newest: when the last was made (ISO 8601, UTC).
+        made_s: what making them took, all together.
+    """
+
+    study: str
     stage: str
     artifacts: int
     size_bytes: int
     newest: str
+    made_s: float
 
 
 COLUMNS: tuple[Column[Kept], ...] = (
+    Column("study", brief="study"),
     Column("stage", brief="stage"),
     Column("artifacts", brief="artifacts"),
     Column("size_bytes", brief="MB", show=lambda size: number(size / 1e6, 3)),
+    Column("made_s", brief="made in", show=seconds),
     Column("newest", brief="newest"),
 )
 
 
 def store_document(root: Path) -> Document:
     """The document of `pliant store`; raises `UserError` where there is no such folder."""
-    if not root.is_dir():
-        raise UserError(f"there is no store at {root}; the first 'pliant run' makes one, or give --store.")
-    stages = list(_stages(root))
-    count, size = sum(one.artifacts for one in stages), sum(one.size_bytes for one in stages)
-    text = f"{root} holds {plural(count, 'artifact')} of {plural(len(stages), 'stage')}, {number(size / 1e6, 3)} MB."
+    found = entries(root)
+    by_stage = {
+        stage: [one for one in found if one.stage == stage] for stage in sorted({e.stage for e in found})
+    }
+    stages = [_kept("", stage, of_stage) for stage, of_stage in by_stage.items()]
+    by_study = list(_by_study(by_stage))
+    size = sum(one.size_bytes for one in found)
+    count = f"{plural(len(found), 'artifact')} of {plural(len(stages), 'stage')}"
+    text = f"{root} holds {count}, {number(size / 1e6, 3)} MB."
     return Document(
         kind="Pliant store",
         title=str(root),
         sentence=text,
-        data={"root": str(root), "stages": [as_json(COLUMNS, one) for one in stages], "size_bytes": size},
-        brief=(brief_table(COLUMNS, stages),) if stages else (),
+        data={
+            "root": str(root),
+            "stages": [{k: v for k, v in as_json(COLUMNS, one).items() if k != "study"} for one in stages],
+            "studies": [as_json(COLUMNS, one) for one in by_study],
+            "artifacts": [as_data(one) for one in found],
+            "size_bytes": size,
+        },
+        brief=(brief_table(COLUMNS, by_study),) if by_study else (),
     )
 
 
-def _stages(root: Path) -> Iterator[Kept]:
-    for stage in sorted(folder for folder in root.iterdir() if folder.is_dir()):
-        finished = list(stage.glob(f"*/{MANIFEST}"))
-        sizes = [file.stat().st_size for one in finished for file in one.parent.rglob("*") if file.is_file()]
-        if finished:
-            last = datetime.fromtimestamp(max(one.stat().st_mtime for one in finished), UTC)
-            yield Kept(stage.name, len(finished), sum(sizes), last.isoformat(timespec="seconds"))
+def as_data(entry: Entry) -> dict[str, Any]:
+    """An artifact as JSON values."""
+    return {
+        "stage": entry.stage,
+        "key": entry.key,
+        "studies": list(entry.studies),
+        "size_bytes": entry.size_bytes,
+        "created": entry.created,
+        "wall_s": entry.wall_s,
+    }
+
+
+def _by_study(by_stage: dict[str, list[Entry]]) -> Iterator[Kept]:
+    """What several studies used stands in a row of each."""
+    names = {study for found in by_stage.values() for one in found for study in one.studies}
+    for study in (*sorted(names), UNKNOWN):
+        for stage, found in by_stage.items():
+            own = [one for one in found if study in (one.studies or (UNKNOWN,))]
+            if own:
+                yield _kept(study, stage, own)
+
+
+def _kept(study: str, stage: str, found: Sequence[Entry]) -> Kept:
+    return Kept(
+        study,
+        stage,
+        len(found),
+        sum(one.size_bytes for one in found),
+        max(one.created for one in found),
+        sum(_finite(one.wall_s for one in found)),
+    )
+
+
+def _finite(values: Iterable[float]) -> Iterator[float]:
+    return (value for value in values if math.isfinite(value))

@@ -28,7 +28,9 @@ from pliant.records.design import Array
 from pliant.units import EXAMPLES, NAMES, UnitError, parse_quantity
 
 LONGEST = 2000
+SHOWN = 200  # characters of it that a message repeats
 DEEPEST = 40
+MOST = 100  # operators: a formula is computed by recursion
 LEAST = 1e-12  # by how much `a < b` is missed where a = b
 COMPARISONS = ("<", "<=", ">", ">=", "==")
 # Units beside those of keys that a quantity may have.
@@ -263,9 +265,13 @@ class _Reader:
                 self.tokens.append(_Token(kind, match["number"] or match.group(), at, match["unit"] or ""))
             at = match.end()
         self.tokens.append(_Token("end", "", len(text)))
+        count = sum(token.kind == "operator" and token.text not in "(,)" for token in self.tokens)
+        if count > MOST:
+            raise self.mistake(f"it has {count} operators, and {MOST} are the most; write 'sum(a, b, c)'", 0)
 
     def mistake(self, what: str, at: int) -> UserError:
-        return UserError(f"{self.label} '{self.text}': {what} (at character {at + 1}).")
+        text = self.text if len(self.text) <= SHOWN else f"{self.text[:SHOWN]}…"
+        return UserError(f"{self.label} '{text}': {what} (at character {at + 1}).")
 
     @property
     def token(self) -> _Token:

@@ -23,6 +23,7 @@ import tempfile
 import time
 import uuid
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -36,7 +37,10 @@ from pliant import __version__
 from pliant.errors import UserError
 from pliant.store.codec import decode, encode
 from pliant.store.fingerprint import versions
+from pliant.store.uses import Uses
 
+# What reading a damaged file may end in: a length that no memory holds is one of them.
+DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError)
 VALUE, ARRAYS, MANIFEST = "value.json", "arrays.npz", "manifest.json"
 
 
@@ -77,10 +81,11 @@ class CorruptedError(Exception):
 
 
 class ArtifactStore:
-    """Artifacts under one root folder."""
+    """Artifacts under one root folder; what is made or found is noted for the study that the store is opened for."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, study: str = "") -> None:
         self.root = root
+        self.uses = Uses(root, study)
 
     def make(
         self,
@@ -102,6 +107,17 @@ class ArtifactStore:
         Raises:
             UserError: the store cannot be read or written.
         """
+        made = self._made(recipe, compute, note, agrees)
+        self.uses.note(recipe.stage, recipe.key)
+        return made
+
+    def _made(
+        self,
+        recipe: Recipe,
+        compute: Callable[[Path], Any],
+        note: Callable[[str], None],
+        agrees: Callable[[Any], bool] | None,
+    ) -> Artifact:
         folder = self.root / recipe.stage / recipe.key
         partial = folder.with_name(folder.name + ".partial")
         found = _sound(folder)
@@ -135,7 +151,10 @@ class ArtifactStore:
 
     def find(self, recipe: Recipe) -> Artifact | None:
         """The artifact of a recipe if it is there and sound; nothing is written."""
-        return _sound(self.root / recipe.stage / recipe.key)
+        found = _sound(self.root / recipe.stage / recipe.key)
+        if found is not None:
+            self.uses.note(recipe.stage, recipe.key)
+        return found
 
     def computed_elsewhere(self, stage: str, key: str) -> bool:
         """Whether another process, or thread, computes this artifact now.
@@ -261,7 +280,7 @@ def read_checked(folder: Path, expected: Mapping[str, str]) -> Any:
         return read_value(folder)
     except PermissionError as error:
         raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+    except (*DAMAGE, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
         raise CorruptedError(f"{type(error).__name__}: {error}") from None
 
 
@@ -277,7 +296,7 @@ def load_artifact(folder: Path, key: str | None = None) -> Artifact:
             raise CorruptedError(f"{MANIFEST} does not match its checksum")
     except PermissionError as error:
         raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except DAMAGE as error:
         raise CorruptedError(f"{MANIFEST}: {type(error).__name__}: {error}") from None
     if key is not None and manifest.get("key") != key:
         raise CorruptedError(f"it is a copy of {manifest.get('key')}")

@@ -12,8 +12,11 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.tabular.dates import NO_STAMP, StampClock, is_stamp, microseconds, of_day, since_first
+from pliant.units import BEYOND
 
 SHOWN = 20  # problems that a message lists
+NOTHING = 1 / BEYOND
+LONGEST_NUMBER = 100  # characters
 ENOUGH = 10_000  # problems after which reading stops
 MISSING = (
     "",
@@ -123,11 +126,15 @@ class Block:
         else:
             stated = [float(text) for text in self.marks.missing if is_number(text)]
             values = np.where(np.isin(cells, stated), np.nan, cells) if stated else cells
-        for index in np.flatnonzero(np.isinf(values)):
-            self.problems.add(
-                int(self.lines[index]), f"column {column} is infinite; leave it blank where nothing was read"
+        size = np.abs(values)
+        for index in np.flatnonzero(size > BEYOND):
+            what = (
+                "infinite" if np.isinf(size[index]) else f"beyond ±{BEYOND:g}, and no quantity is that large"
             )
-        return values
+            text = f"column {column} is {what}; leave it blank where nothing was read"
+            self.problems.add(int(self.lines[index]), text)
+        # Squares of such small numbers are none; a filter that runs out leaves them.
+        return np.where(size < NOTHING, 0.0, values) if (size < NOTHING).any() else values
 
     def _parsed(self, cells: Cells, column: str) -> Array:
         if self.marks.missing:
@@ -224,6 +231,8 @@ class Block:
 
 def number_in(text: str, marks: Marks) -> float | None:
     """The number that a cell holds, or None."""
+    if len(text) > LONGEST_NUMBER:
+        return None
     if marks.decimal is not None:
         other = "." if marks.decimal == "," else ","
         if other in text:
@@ -241,6 +250,8 @@ def number_in(text: str, marks: Marks) -> float | None:
 
 def is_number(text: str) -> bool:
     """Whether a cell holds a number; Python would read 1_5 as 15."""
+    if len(text) > LONGEST_NUMBER:
+        return False
     try:
         float(text)
     except ValueError:

@@ -15,7 +15,7 @@ from pliant.errors import UserError, closest
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.tabular import fem_checks
-from pliant.tabular.cells import is_number
+from pliant.tabular.cells import NOTHING, is_number
 from pliant.tabular.fem_columns import (
     ACTUATIONS,
     ALL,
@@ -30,6 +30,7 @@ from pliant.tabular.fem_columns import (
     table_notes,
 )
 from pliant.tabular.opening import open_sheet
+from pliant.units import BEYOND
 
 FAMILY = "table"
 DESIGN = "design"  # column with the design's number in a sweep's table
@@ -188,6 +189,10 @@ class StateTable:
         value = float(text)
         if not math.isfinite(value):
             raise UserError(f"{where}: '{text}' is not a finite number")
+        if abs(value) > BEYOND:
+            raise UserError(f"{where}: {text} is beyond ±{BEYOND:g}, and no quantity is that large")
+        if 0.0 < abs(value) < NOTHING:  # its square is no number
+            return 0.0
         if name == "angle_rad" and abs(value) > FULL_TURN:
             raise UserError(
                 f"{where}: {text} rad is more than a full turn; is the column in degrees? Then write "

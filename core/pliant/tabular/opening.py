@@ -7,6 +7,7 @@ from typing import Any
 
 from pliant.config.measurements import ColumnNotes
 from pliant.errors import UserError
+from pliant.regular_files import require_regular
 from pliant.tabular import sources
 from pliant.tabular.cells import Marks
 from pliant.tabular.sheet import Sheet
@@ -24,6 +25,7 @@ OPENERS = {
     b"MATLAB 5.0": sources.open_matlab,
     b"PAR1": sources.open_parquet,
 }
+MOST_COLUMNS, LONGEST_NAME = 2000, 300
 FRAME = "DataFrame"  # what messages call a table in memory
 
 
@@ -47,6 +49,7 @@ def open_sheet(
         return sources.open_frame(source, Path(FRAME), marks, notes_name)
     path = Path(source)
     try:
+        require_regular(path)
         with path.open("rb") as raw:
             start = raw.read(16)
         for mark, what in NO_TABLES.items():
@@ -54,8 +57,8 @@ def open_sheet(
                 raise UserError(f"{path}: {what}.")
         for mark, opened in OPENERS.items():
             if start.startswith(mark):
-                return opened(path, example, marks, notes.table, notes_name)
-        return open_text(path, example, marks, notes_name)
+                return _checked(opened(path, example, marks, notes.table, notes_name))
+        return _checked(open_text(path, example, marks, notes_name))
     except (OSError, ValueError) as error:
         cause = (
             "no such file"
@@ -63,6 +66,21 @@ def open_sheet(
             else getattr(error, "strerror", None) or error
         )
         raise UserError(f"{path}: the table cannot be read ({cause}).") from None
+
+
+def _checked(sheet: Sheet) -> Sheet:
+    """The sheet; raises `UserError` for a header that no table has: its names are read word by word."""
+    longest = max(map(len, sheet.header), default=0)
+    if len(sheet.header) > MOST_COLUMNS or longest > LONGEST_NAME:
+        sheet.close()
+        what = (
+            f"{len(sheet.header)} columns" if longest <= LONGEST_NAME else f"a name of {longest} characters"
+        )
+        raise UserError(
+            f"{sheet.path}, line {sheet.header_line}: the header has {what}; at most {MOST_COLUMNS} columns with "
+            f"names of {LONGEST_NAME} characters are read."
+        )
+    return sheet
 
 
 def is_frame(source: object) -> bool:

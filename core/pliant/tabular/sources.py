@@ -20,6 +20,7 @@ from pliant.tabular.header import WINDOW, find_header
 from pliant.tabular.sheet import ColumnSheet, RowSheet, Sheet
 
 SHOWN = 200  # rows that a sample has
+UNPACKED = 200_000_000  # bytes that a spreadsheet may have when it is unpacked
 
 
 def _library(name: str, path: Path, install: str) -> Any:
@@ -57,6 +58,10 @@ def open_spreadsheet(path: Path, example: str, marks: Marks, table: str | None, 
         with zipfile.ZipFile(path) as archive:
             if "xl/workbook.xml" not in archive.namelist():
                 raise no_table
+            if sum(entry.file_size for entry in archive.infolist()) > UNPACKED:
+                raise UserError(
+                    f"{path}: it unpacks to more than {UNPACKED / 1e6:.0f} MB; save the table as 'CSV UTF-8'."
+                )
     except zipfile.BadZipFile:
         raise no_table from None
     openpyxl = _library("openpyxl", path, "openpyxl")

@@ -12,6 +12,7 @@ import codecs
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -188,11 +189,10 @@ def _with_header(path: Path, file: IO[str], example: str, marks: Marks, problems
     separator, found = _found(lines, shown, marks)
     if found is None:
         separator, found = _first_line(path, lines, shown[0], example, marks)
-    repeated = sorted({name for name in found.names if name and found.names.count(name) > 1})
-    if repeated:
-        count = found.names.count(repeated[0])
+    count = Counter(filter(None, found.names))
+    if repeated := sorted(name for name, times in count.items() if times > 1):
         raise UserError(
-            f"{path}, line {found.at + 1}: column '{repeated[0]}' stands {count} times; keep one."
+            f"{path}, line {found.at + 1}: column '{repeated[0]}' stands {count[repeated[0]]} times; keep one."
         )
     rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
     marks = _marks(rows, separator, marks)

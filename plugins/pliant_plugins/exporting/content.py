@@ -14,6 +14,7 @@ THE_LAW = (
     " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation. "
     "The law is in the JSON file beside it. SI units. "
 )
+WITHOUT_FORM = ("The law is in the JSON file beside it.", "It has no form that other languages can take.")
 
 
 def stiffness_at_rest(chain: ChainModel) -> Array:

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
-from pliant.exporting.written_law import identifier
+from pliant.exporting.written_law import has_form, identifier
 from pliant.inverse.limits import input_range
 from pliant.records.chain import ChainModel
 from pliant.records.shape import Shape
@@ -23,8 +23,12 @@ SEEN, TOUCHED = "2", "3"  # MuJoCo's usual groups: visuals are shown, collision 
 TIMESTEP_S, SITE_M = 0.005, "0.001"
 THE_LAW = (
     " Written by Pliant. The joint law is not in this file, which alone is a spring with the law's stiffness at rest: "
-    "it is in {module} beside it, whose load() or install(model) lets it act; data.ctrl then takes inputs. SI units. "
+    "{rest} SI units. "
 )
+IN_MODULE = (
+    "it is in {module} beside it, whose load() or install(model) lets it act; data.ctrl then takes inputs."
+)
+NOWHERE = "it has no form that other languages can take."
 
 
 def write_mjcf(
@@ -33,16 +37,14 @@ def write_mjcf(
     """Bodies `base`, `body_1`…`body_n`, `tip`, joints `joint_1`…`joint_n` with viscous `damping`.
 
     A ball joint of MuJoCo has one stiffness: the mean of the law's three. The chain does not collide with itself. Its
-    inputs are actuators of their names without a force of their own, which the module `<name>_law.py` reads.
-
-    Raises:
-        UserError: a law that cannot be written.
+    inputs are actuators of their names without a force of their own, which the module `<name>_law.py` reads. Laws of
+    plugins that have no scalar form get no module.
     """
     surfaces = SurfaceFiles(path)
     module = path.with_name(f"{identifier(path.stem)}_law.py")
-    driving = module_text([DrivenArm(chain)], path.name)
+    driving = module_text([DrivenArm(chain)], path.name) if has_form(chain.laws) else ""
     root = document("chain")
-    root.insert(0, Comment(THE_LAW.format(module=module.name)))
+    root.insert(0, Comment(THE_LAW.format(rest=IN_MODULE.format(module=module.name) if driving else NOWHERE)))
     option = SubElement(root, "option", integrator="implicitfast", gravity=text(chain.gravity_m_s2))
     option.set("timestep", repr(TIMESTEP_S))
     assets, known = SubElement(root, "asset"), set[str]()
@@ -75,6 +77,8 @@ def write_mjcf(
     add_sensors(SubElement(root, "sensor"), chain)
     indent(root)
     path.write_text(tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    if not driving:
+        return (path, *surfaces.written)
     module.write_text(driving, encoding="utf-8")
     return (path, module, *surfaces.written)
 

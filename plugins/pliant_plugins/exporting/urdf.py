@@ -12,9 +12,10 @@ import numpy as np
 
 from pliant.exporting.as_json import READER
 from pliant.exporting.law_files import write_laws
+from pliant.exporting.written_law import has_form
 from pliant.records.chain import ChainModel
 from pliant.records.design import MassProperties
-from pliant_plugins.exporting.content import THE_LAW, SurfaceFiles, shapes_of, stiffness_at_rest
+from pliant_plugins.exporting.content import THE_LAW, WITHOUT_FORM, SurfaceFiles, shapes_of, stiffness_at_rest
 from pliant_plugins.physics.pybullet.urdf import (
     CollisionWriter,
     add_joint,
@@ -32,7 +33,7 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
     surfaces = SurfaceFiles(path)
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
     root = chain_tree(floored(chain), collisions=collisions)
-    root.insert(0, Comment(THE_LAW))
+    root.insert(0, Comment(THE_LAW if has_form(chain.laws) else THE_LAW.replace(*WITHOUT_FORM)))
     add_link(root, "world", MassProperties.none())
     joint = add_joint(root, "base", "fixed", "world", "base")
     add_origin(joint, chain.base_position_m, np.asarray(chain.base_rotation, float))
@@ -46,11 +47,13 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
         assert hinge is not None
         rows = "; ".join(" ".join(f"{value:.9g}" for value in row) for row in stiffness)
         hinge.append(Comment(f" stiffness at rest about {' '.join(chain.axes)}: {rows} {unit} "))
-    laws = write_laws(chain.laws, path.with_name(f"{path.stem}_law.json"), "json")
-    reader = path.with_name("read_law.py")
-    reader.write_text(READER, encoding="utf-8")
+    beside: tuple[Path, ...] = ()
+    if has_form(chain.laws):
+        reader = path.with_name("read_law.py")
+        reader.write_text(READER, encoding="utf-8")
+        beside = (*write_laws(chain.laws, path.with_name(f"{path.stem}_law.json"), "json"), reader)
     path.write_text(document(root) + "\n", encoding="utf-8")
-    return (path, *laws, reader, *surfaces.written, *collisions.written)
+    return (path, *beside, *surfaces.written, *collisions.written)
 
 
 def _dress(link: Element, looks: ChainModel | None, body: int, surfaces: SurfaceFiles, start: Path) -> None:

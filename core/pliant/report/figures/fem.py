@@ -90,6 +90,7 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
         ylabel=coordinate_words(data, data.main_axis),
         title="Free branch: nothing holds the module",
     )
+    style.with_math(axes)
 
 
 def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
@@ -118,6 +119,7 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
         xlabel=coordinate_words(data, name),
         ylabel=rf"effort $\tau_{name}$ ({effort.symbol})" if several else rf"effort $\tau$ ({effort.symbol})",
     )
+    style.with_math(axes)
     follows = f"{data.main_axis} follows freely" if name != data.main_axis else "the others at zero"
     axes.set_title(f"Held about {name}; {follows}" if several else "Held: the effort that opposes actuation")
 
@@ -186,6 +188,7 @@ def _plane(axes: Any, data: ModuleData, name: str) -> None:
         ylabel=actuation_words(data),
         title="Where the states lie, in the order of choice",
     )
+    style.with_math(axes)
 
 
 def _history(axes: Any, data: ModuleData, name: str) -> None:

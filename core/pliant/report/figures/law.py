@@ -75,6 +75,7 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     axes.set(
         xlabel=f"{_symbol(law)} $u${about} ({u_unit.symbol})", ylabel=rf"effort $\tau$ ({effort.symbol})"
     )
+    style.with_math(axes)
     source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
     if data is None:
         source = "stated by its coefficients" if law.error is None else "of an unseen design"
@@ -114,6 +115,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
     axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
     axes.set(xlabel=f"{_symbol(design.law)} $u$ ({u_unit.symbol})", ylabel="% of effort range")
+    style.with_math(axes)
     name, of = "Study's form − state" if of_study else "Law − state", ""
     if check.any():
         worst, of = float(np.abs(missed[check]).max()), " left out"

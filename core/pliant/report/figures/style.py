@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -15,11 +16,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.text import Text
+from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
 from pliant.formatting import Unit, number
+from pliant.user_text import visible
 
 Png = NDArray[np.uint8]
 
@@ -57,6 +60,7 @@ RC: dict[str, Any] = {
     "figure.facecolor": PAPER,
     "axes.unicode_minus": True,
     "svg.hashsalt": "pliant",
+    "text.parse_math": False,  # names that users gave may hold dollars; see `with_math`
 }
 
 
@@ -78,8 +82,18 @@ def canvas(
 
 def png(figure: Figure) -> Png:
     """The figure as PNG bytes, without date or software version."""
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatter):  # matplotlib's own, which needs math
+            log_labels(axis)
+    for text in figure.findobj(Text):
+        if (shown := visible(text.get_text())) != text.get_text():
+            text.set_text(shown)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings(
+            "ignore", "Glyph .* missing from font"
+        )  # names may have letters of any script
+        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return np.frombuffer(buffer.getvalue(), dtype=np.uint8)
 
 
@@ -200,6 +214,12 @@ def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Any]
     for rest in grid[count:]:
         rest.set_axis_off()
     return list(grid[:count])
+
+
+def with_math(axes: Any) -> None:
+    """Let the labels of the axes have symbols between dollars; they are ours, no names of users."""
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set_parse_math(True)
 
 
 def with_unit(label: str, unit: Unit) -> str:

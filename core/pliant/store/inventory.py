@@ -1,0 +1,125 @@
+"""What a store holds, whether it is sound, and taking away what is old or too much."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from pliant.errors import UserError
+from pliant.store.store import MANIFEST, CorruptedError, load_artifact, writing_in
+from pliant.store.uses import users
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One finished artifact.
+
+    Attributes:
+        folder: where it lies.
+        stage, key: what it is.
+        studies: that used it; empty for what an older Pliant made.
+        size_bytes: on the disk.
+        created: ISO 8601, UTC; empty where its manifest cannot be read.
+        wall_s: what making it took; NaN where its manifest cannot be read.
+    """
+
+    folder: Path
+    stage: str
+    key: str
+    studies: tuple[str, ...]
+    size_bytes: int
+    created: str
+    wall_s: float
+
+
+def entries(root: Path) -> list[Entry]:
+    """Everything that is finished, stage by stage, the oldest first. Raises `UserError` where there is no store."""
+    if not root.is_dir():
+        raise UserError(f"there is no store at {root}; the first 'pliant run' makes one, or give --store.")
+    used = users(root)
+    found = [_entry(file.parent, used) for file in root.glob(f"*/*/{MANIFEST}") if _is_finished(file.parent)]
+    return sorted(found, key=lambda entry: (entry.stage, entry.created, entry.key))
+
+
+def _is_finished(folder: Path) -> bool:
+    return "." not in folder.name  # .partial, .corrupted, .writing-…
+
+
+def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> Entry:
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text())
+        created, wall_s = str(manifest["created"]), float(manifest["wall_s"])
+    except (OSError, ValueError, KeyError, TypeError):
+        created, wall_s = "", math.nan
+    stage, key = folder.parent.name, folder.name
+    size = sum(file.stat().st_size for file in files)
+    return Entry(folder, stage, key, used.get(f"{stage}/{key}", ()), size, created, wall_s)
+
+
+def damaged(found: Sequence[Entry], tick: Callable[[], None] = lambda: None) -> Iterator[tuple[Entry, str]]:
+    """Those that do not match their checksums, each with the cause; `tick` is called for each that was read."""
+    for entry in found:
+        try:
+            load_artifact(entry.folder, entry.key)
+        except (CorruptedError, UserError) as error:
+            yield entry, str(error)
+        tick()
+
+
+def to_prune(
+    found: Sequence[Entry], older_s: float | None = None, most_bytes: int | None = None
+) -> list[Entry]:
+    """Entries made longer ago than `older_s`, and the oldest beyond a size of all that stay.
+
+    What has no readable date counts as the oldest.
+    """
+    now = time.time()
+    by_age = sorted(found, key=lambda entry: entry.created)
+    gone = [entry for entry in by_age if older_s is not None and _age_s(entry, now) > older_s]
+    stay = [entry for entry in by_age if entry not in gone]
+    size = sum(entry.size_bytes for entry in stay)
+    for entry in stay if most_bytes is not None else ():
+        if size <= (most_bytes or 0):
+            break
+        gone.append(entry)
+        size -= entry.size_bytes
+    return gone
+
+
+def _age_s(entry: Entry, now: float) -> float:
+    try:
+        made = datetime.fromisoformat(entry.created)
+    except ValueError:
+        return math.inf
+    return now - (made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()
+
+
+def prune(gone: Sequence[Entry]) -> list[Entry]:
+    """Take artifacts away, each as a whole; what another process uses at this moment stays.
+
+    Returns what was taken away. Raises `UserError` where the store cannot be written.
+    """
+    done = []
+    for entry in gone:
+        with writing_in(entry.folder.parent):
+            try:
+                with FileLock(entry.folder.with_name(f"{entry.key}.lock")).acquire(timeout=0):
+                    aside = entry.folder.with_name(f".pruned-{entry.key}-{uuid.uuid4().hex}")
+                    entry.folder.rename(aside)  # a reader sees all of it or nothing
+            except Timeout:
+                continue
+            except FileNotFoundError:  # another process was first
+                continue
+        shutil.rmtree(aside, ignore_errors=True)
+        done.append(entry)
+    return done
