@@ -14,14 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks.output import Bar, engine, parser_of, write
 
+from pliant.config.chain import ChainConfig
 from pliant.inverse.statics import InverseStatics
 from pliant.inverse.target import Target
-from pliant.records.chain import ChainModel
+from pliant.pipeline.chain import Segment, build_chain, rod_module
+from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
 from pliant.testing.samples import sample_chain
 from pliant_plugins.surrogates.config import StudyCoefficients
+from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw
 from pliant_plugins.surrogates.polynomial.study import study_law
 
 POSES, OUT_OF_REACH, PATH, SEED = 500, 100, 1000, 0
@@ -44,10 +47,50 @@ def finger() -> Robot:
     return Robot(chain, lambda markers, turn: Target(tip_m=markers[-1]), 0.3e-3)
 
 
+def two_segments() -> Robot:
+    """Two segments of five ball joints with three pressures each, all at once in one law; where the tip shall be."""
+    segments = []
+    for number in range(2):
+        own = tuple(Actuator(f"pressure_{3 * number + k}_pa") for k in (1, 2, 3))
+        segments.append(
+            Segment(rod_module(three_chambers(), 0.012, 0.0015), 5, number * np.pi / 3, actuators=own)
+        )
+    return Robot(
+        build_chain(ChainConfig(modules=5), segments), lambda markers, turn: Target(tip_m=markers[-1]), 3e-3
+    )
+
+
+def three_chambers() -> SeveralLaw:
+    """Chambers at 0, 120 and 240 degrees, each with a push that its pressure makes softer; STATED numbers.
+
+    With unit pressures x, p = 7.5 kPa (1 + x), and unit angles v, u = 0.6 v: stiffness 0.02 N·m/rad, twist 0.05, of
+    fourth order 0.03, push 6e-7 N·m/Pa, softening 1e-7 N·m/(Pa·rad).
+    """
+    half, turn, push, softer = 7.5e3, 0.6, 6e-7, 1e-7
+    terms: dict[tuple[int, ...], float] = {
+        (0, 0, 0, 2, 0, 0): 0.05 / 2 * turn**2,
+        (0, 0, 0, 0, 4, 0): 0.03 / 4 * turn**4,
+        (0, 0, 0, 0, 0, 4): 0.03 / 4 * turn**4,
+        (0, 0, 0, 0, 2, 0): (0.02 - 3 * softer * half) / 2 * turn**2,
+        (0, 0, 0, 0, 0, 2): (0.02 - 3 * softer * half) / 2 * turn**2,
+    }
+    for k in range(3):
+        x = np.eye(3, dtype=int)[k].tolist()
+        side = 2 * np.pi * k / 3
+        terms[(*x, 0, 1, 0)] = -half * push * turn * float(np.cos(side))
+        terms[(*x, 0, 0, 1)] = -half * push * turn * float(np.sin(side))
+        terms[(*x, 0, 2, 0)] = terms[(*x, 0, 0, 2)] = -half * softer / 2 * turn**2
+    maps = np.array([[half, half]] * 3 + [[0.0, turn]] * 3)
+    box = np.column_stack([maps[:, 0] - maps[:, 1], maps[:, 0] + maps[:, 1]])
+    names = "pressure_1_pa, pressure_2_pa, pressure_3_pa"
+    numbers = (np.array(list(terms)), np.array(list(terms.values())), maps)
+    return SeveralLaw(*numbers, Domain(box[:3], box[3:]), names, ("x", "y", "z"), "spherical")
+
+
 def main() -> None:
     parser_of(__doc__).parse_args()
     results, bars = {}, []
-    for name, robot in {"bending finger": finger()}.items():
+    for name, robot in {"bending finger": finger(), "two segments, six pressures": two_segments()}.items():
         found, own = measured(name, robot)
         results[name] = found
         bars += own

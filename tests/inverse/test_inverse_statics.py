@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.inverse_statics import two_segments
+from scipy.optimize import minimize
 
 from pliant import api
 from pliant.errors import UserError
@@ -177,3 +179,32 @@ def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
     result = api.simulate(opened).engines[0].result
     assert result.metrics["pressure_pa"] == pytest.approx(15e3, rel=1e-4)
     assert result.metrics["distance_m"] < 1e-6 and not result.not_reached
+
+
+def test_six_pressures_come_to_the_smallest_that_a_general_optimiser_finds_too() -> None:
+    """SLSQP from the answer, with the same constraint, finds nothing smaller by 1 %; bounds and target hold."""
+    simulation = built(two_segments().chain)
+    inverse = InverseStatics(simulation, samples=256)
+    low, high = inverse.bounds.T
+    for hidden in np.random.default_rng(5).uniform(low, high, (3, 6)):
+        tip = simulation.respond(Inputs(dict(zip(inverse.inputs, hidden.tolist(), strict=True)))).markers_m[
+            -1
+        ]
+        found = inverse.solve(Target(tip_m=tip))
+        assert found.reached
+        x = np.array(list(found.actuation.values())) / high
+
+        def missed(shares, tip=tip):
+            values = dict(zip(inverse.inputs, (shares * high).tolist(), strict=True))
+            return 1e3 * (simulation.respond(Inputs(values)).markers_m[-1] - tip)
+
+        other = minimize(
+            lambda shares: shares @ shares,
+            x,
+            jac=lambda shares: 2 * shares,
+            bounds=[(0.0, 1.0)] * 6,
+            constraints={"type": "eq", "fun": missed},
+            method="SLSQP",
+        )
+        assert np.abs(missed(other.x)).max() < 1e-2
+        assert x @ x <= 1.01 * (other.x @ other.x) + 1e-6

@@ -33,6 +33,10 @@ FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e8
 # Shares of the largest singular value, squared, below which a direction does not move the target.
 IDLE = 1e-8
 SMALL_SHARE = 1e-7  # of a range: a move that is none
+# Of a range: how near to the wanted actuations the redundancy's rule is followed.
+NO_DRIFT = 1e-3
+# Of the target, in m: how far a step along the null space may leave it before the next mends that.
+ASTRAY_M = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,8 @@ class InverseStatics:
         self._samples = samples
         self._reachable: Reachable | None = None
         self._no_force = np.zeros(3)
+        # Where inputs are left over, steps along the null space mend the rest.
+        self._enough_m = SETTLED_M if len(self.inputs) == 1 else REACHED_M / 2
         self._evaluations = 0
 
     @property
@@ -177,7 +183,7 @@ class InverseStatics:
         place = self._at(target, np.clip(x, low, high), q, force)
         damping = 0.0
         for _ in range(MOST_STEPS):
-            if place is None or place.cost <= SETTLED_M**2:
+            if place is None or place.cost <= self._enough_m**2:
                 break
             step = _step(place, low, high, damping)
             moved = np.clip(place.x + step, low, high)
@@ -196,21 +202,28 @@ class InverseStatics:
         return place
 
     def _slide(self, target: Target, place: _Place, low: Array, high: Array, wanted: Array) -> _Place:
-        """Along the actuations that reach the target toward the ones that are wanted."""
+        """Along the actuations that reach the target to the nearest of them to the wanted ones.
+
+        Each step goes to the nearest actuations that reach the target to first order, which mends what is left too.
+        """
         if len(place.x) == 1:
             return place
-        share = 1.0
+        force, best, share = self._force(target), place, 1.0
         for _ in range(MOST_SLIDES):
-            drift = _drift(place, low, high, wanted)
-            if np.abs(drift).max() < SMALL_SHARE or share < 1e-3:
+            step = _nearest_that_reaches(place, low, high, wanted) - place.x
+            size = np.abs(step).max()
+            if size < SMALL_SHARE or (size < NO_DRIFT and place.cost <= REACHED_M**2):
                 break
-            tried = self._descend(target, place.x + share * drift, place.found.joint_angles, low, high)
-            nearer = tried is not None and np.linalg.norm(tried.x - wanted) < np.linalg.norm(place.x - wanted)
-            if tried is not None and nearer and tried.cost <= REACHED_M**2:
-                place, share = tried, min(1.0, 2.0 * share)
-            else:
+            tried = self._at(target, place.x + share * step, place.found.joint_angles, force)
+            if tried is None or tried.cost > max(ASTRAY_M**2, place.cost):
                 share *= 0.5
-        return place
+                if share < 1e-2:
+                    break
+                continue
+            place, share = tried, min(1.0, 2.0 * share)
+            if place.cost <= REACHED_M**2 and _far(place, wanted) < _far(best, wanted):
+                best = place
+        return best
 
     def _answer(self, place: _Place, low: Array, high: Array, starts: int) -> InverseAnswer:
         values = place.x * self._range
@@ -221,6 +234,10 @@ class InverseStatics:
         distance = float(np.sqrt(place.cost))
         actuation = dict(zip(self.inputs, values.tolist(), strict=True))
         return InverseAnswer(actuation, distance, limits, replace(place.found), starts, self._evaluations)
+
+
+def _far(place: _Place, wanted: Array) -> float:
+    return float(np.linalg.norm(place.x - wanted))
 
 
 def _step(place: _Place, low: Array, high: Array, damping: float) -> Array:
@@ -244,20 +261,27 @@ def _step(place: _Place, low: Array, high: Array, damping: float) -> Array:
     return step
 
 
-def _drift(place: _Place, low: Array, high: Array, wanted: Array) -> Array:
-    """The part of the way to what is wanted that does not move the target, bounds held."""
-    free = np.ones(len(place.x), bool)
-    drift = np.zeros(len(place.x))
-    for _ in range(len(free)):
+def _nearest_that_reaches(place: _Place, low: Array, high: Array, wanted: Array) -> Array:
+    """The y in the bounds nearest to `wanted` with J (y − x) = −r, as far as J lets it, by an active set."""
+    y, free = wanted.copy(), np.ones(len(wanted), bool)
+    goal = place.J @ place.x - place.r
+    for _ in range(len(y)):
         part = place.J[:, free]
-        sizes, ways = np.linalg.eigh(part.T @ part)
-        idle = ways[:, sizes <= IDLE * max(float(sizes[-1]), 1e-300)]
-        drift[:] = 0.0
-        drift[free] = idle @ (idle.T @ (wanted - place.x)[free])
-        held = free & (((place.x <= low) & (drift < 0.0)) | ((place.x >= high) & (drift > 0.0)))
-        if not held.any():
+        left = goal - place.J[:, ~free] @ y[~free] - part @ wanted[free]
+        sizes, ways = np.linalg.eigh(part @ part.T)
+        kept = sizes > IDLE * max(float(sizes[-1]), 1e-300)
+        y[free] = wanted[free] + part.T @ (ways[:, kept] @ ((ways[:, kept].T @ left) / sizes[kept]))
+        beyond = np.where(free, np.maximum(low - y, y - high), 0.0)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] <= 0.0:
             break
-        free &= ~held
+        y[worst] = low[worst] if y[worst] < low[worst] else high[worst]
+        free[worst] = False
         if not free.any():
-            return np.zeros(len(free))
-    return drift
+            break
+    y = np.clip(y, low, high)
+    if np.linalg.norm(place.J @ y - goal) > 0.1 * np.linalg.norm(place.J @ (y - place.x)) + REACHED_M:
+        return np.clip(
+            place.x + _step(place, low, high, 0.0), low, high
+        )  # too many inputs are held: mend alone
+    return y

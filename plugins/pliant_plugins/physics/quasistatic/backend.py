@@ -29,6 +29,7 @@ from pliant_plugins.physics.quasistatic.newton import (
     NewtonOptions,
     Responder,
     Solver,
+    by_actuation,
     minimise,
     sensitivity,
 )
@@ -124,12 +125,23 @@ class QuasistaticSimulation(Steppable):
 
     def respond(self, inputs: Inputs, start: Array | None = None) -> Response:
         if self._responder is None:
-            return super().respond(inputs, start)
+            self._q = self._q if start is None else start.copy()
+            self.apply(inputs)
+            settled = self.settle()
+            return self._response(settled, *self._by_actuation(settled))
         found = self._responder(inputs, self._q if start is None else start)
         if not found.converged:  # by continuation, if need be
             self.apply(inputs)
             found = self._responder(inputs, self.settle().joint_angles)
         return found
+
+    def _by_actuation(self, found: Equilibrium) -> tuple[Array, Array | None]:
+        """How markers (k, n + 2, 3) and coordinates (k, n, a) answer to the inputs; None where it has not settled."""
+        names = self.chain.inputs
+        if not found.converged:
+            return np.zeros((len(names), *found.markers_m.shape)), None
+        turned, moved = by_actuation(self.chain, self._statics, self._settled_q, self._settled_loads)
+        return np.array([moved[name] for name in names]), np.array([turned[name] for name in names])
 
     def snapshot(self) -> SimulationState:
         return self._state(self._q.copy(), np.zeros_like(self._q))

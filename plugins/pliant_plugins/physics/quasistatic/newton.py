@@ -153,10 +153,28 @@ def sensitivity(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
     Raises:
         UserError: the stiffness is singular at q.
     """
-    pose = statics.geometry.forward(q)
-    slopes = _load_slopes(chain, statics, pose, loads)
+    slopes = _load_slopes(chain, statics, statics.geometry.forward(q), loads)
     slopes |= _actuation_slopes(chain, statics, q, loads)
     slopes |= _law_slopes(chain, q, loads)
+    return Sensitivity(*_moved(chain, statics, q, loads, slopes))
+
+
+def by_actuation(
+    chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What `sensitivity` says of the inputs alone: change of coordinates (n, a) and of markers (n + 2, 3) by input.
+
+    Raises:
+        UserError: the stiffness is singular at q.
+    """
+    return _moved(chain, statics, q, loads, _actuation_slopes(chain, statics, q, loads))
+
+
+def _moved(
+    chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads, slopes: dict[str, Array]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Change of the coordinates (n, a, …) and of the markers (n + 2, 3, …) by slopes of the residual (n, a, …)."""
+    pose = statics.geometry.forward(q)
     columns = [slope.reshape(q.size, -1) for slope in slopes.values()]
     moved = _solve(statics.balance(q, loads).stiffness, np.concatenate(columns, axis=1))
     pieces = np.split(moved, np.cumsum([column.shape[1] for column in columns])[:-1], axis=1)
@@ -167,7 +185,7 @@ def sensitivity(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
     points, last = statics.geometry.markers(q), chain.n_joints
     jacobian = np.stack([statics.point_jacobian(pose, min(k, last), x) for k, x in enumerate(points)])
     markers = {name: np.einsum("kcna,na...->kc...", jacobian, angle) for name, angle in angles.items()}
-    return Sensitivity(angles, markers)
+    return angles, markers
 
 
 def _solve(stiffness: Array, right: Array) -> Array:
