@@ -28,6 +28,7 @@ from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.discovery import discover
 from pliant_plugins.fem.skfem.backend import SkfemSolver
+from pliant_plugins.manifest import PNEUNET
 
 CONTRIB = Path(__file__).resolve().parents[2] / "contrib" / "pliant-calculix" / "src"
 # Family, refinement, shear modulus, shear moduli of regions.
@@ -45,20 +46,7 @@ MODULES: dict[str, tuple[dict[str, Any], int, str, dict[str, str]]] = {
         {},
     ),
     "pneunet": (
-        {
-            "kind": "pneunet",
-            "module_length": "10 mm",
-            "width": "15 mm",
-            "height": "14 mm",
-            "wall": "1.5 mm",
-            "shell": "2 mm",
-            "gap": "1 mm",
-            "floor": "1.5 mm",
-            "bridge": "1.5 mm",
-            "channel_width": "2 mm",
-            "channel_height": "1.5 mm",
-            "layer": "1 mm",
-        },
+        {"kind": "pneunet", **PNEUNET},
         2,
         "200 kPa",
         {"layer": "2 MPa"},

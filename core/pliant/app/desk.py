@@ -209,7 +209,7 @@ class Desk:
         with self._lock:
             model, now = self._now(), self.state.now
             own = {effect.kind for effect in model.study.effects}
-            ways: dict[str, tuple[Any, Callable[[work.Task, str], dict[str, Any]]]] = {
+            ways: dict[str, tuple[Any, Callable[[work.ModelWork, str], dict[str, Any]]]] = {
                 "fit": (
                     [
                         sorted(kinds),
@@ -232,7 +232,7 @@ class Desk:
             task_effects, units = now.effects, units_as_written(model.measurement)
 
             def go(job: Job) -> None:
-                task = work.Task(model, task_effects, job.tick, job.stop.is_set)
+                task = work.ModelWork(model, task_effects, job.tick, job.stop.is_set)
                 with displayed_in(units):
                     found = does(task, key)
                 self.folder.keep_result(key, found)

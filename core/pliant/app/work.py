@@ -45,7 +45,7 @@ UNLIKELY = 0.05
 
 
 @dataclass(frozen=True)
-class Task:
+class ModelWork:
     """What work has in hand: the model, the effects that it begins from, and how it is watched."""
 
     model: OpenModel
@@ -63,7 +63,7 @@ class Task:
         return Ground(watched, ground.measurement, ground.groups)
 
 
-def fit(task: Task, folder: SessionFolder, key: str, kinds: Sequence[str]) -> dict[str, Any]:
+def fit(task: ModelWork, folder: SessionFolder, key: str, kinds: Sequence[str]) -> dict[str, Any]:
     """Fit effects of these kinds by `pliant extend`, on the training runs; a study with them is written."""
     model, ground = task.model, task.ground
     kinds = candidate_kinds(model.bench.registry, kinds)
@@ -117,7 +117,7 @@ def fit_warnings(
     return said
 
 
-def diagnose(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
+def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
     """`pliant diagnose` of the model as it stands, on the training runs."""
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(task.effects)})
@@ -159,7 +159,7 @@ def diagnose(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
     }
 
 
-def improve(task: Task, folder: SessionFolder, key: str) -> dict[str, Any]:
+def improve(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
     """`pliant improve` of the study, on all runs that are on; it puts the same runs aside."""
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})

@@ -43,7 +43,7 @@ NUMPY: dict[str, Callable[..., Any]] = {
 }
 
 
-class Step(NamedTuple):
+class TapeStep(NamedTuple):
     """One step: `name` of what is done to the results of earlier steps `arguments`.
 
     `number` is the value of a constant ("number"), or the place of an input ("input").
@@ -63,7 +63,7 @@ class Tape:
     """
 
     inputs: tuple[str, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[TapeStep, ...]
     outputs: Mapping[str, tuple[int, ...]]
     table: Array
 
@@ -144,16 +144,16 @@ class Builder:
 
     def __init__(self, inputs: Sequence[str], table: Array) -> None:
         self.inputs, self.table = tuple(inputs), np.asarray(table, float)
-        self._steps: list[Step] = []
-        self._known: dict[Step, int] = {}
+        self._steps: list[TapeStep] = []
+        self._known: dict[TapeStep, int] = {}
 
     def number(self, value: float) -> int:
         """A constant."""
-        return self._add(Step(NUMBER, (), float(value)))
+        return self._add(TapeStep(NUMBER, (), float(value)))
 
     def input(self, place: int) -> int:
         """An input."""
-        return self._add(Step(INPUT, (), float(place)))
+        return self._add(TapeStep(INPUT, (), float(place)))
 
     def constant(self, k: int) -> float | None:
         """The value of a step that is a constant."""
@@ -175,7 +175,7 @@ class Builder:
         if of_choice is not None:
             return of_choice
         simpler = self._neutral(name, arguments, known)
-        return self._add(Step(name, arguments)) if simpler is None else simpler
+        return self._add(TapeStep(name, arguments)) if simpler is None else simpler
 
     def tape(self, outputs: Mapping[str, Sequence[int]]) -> Tape:
         """What was written, with these outputs."""
@@ -215,7 +215,7 @@ class Builder:
             return arguments[1 - known.index(0.0)]
         return None
 
-    def _add(self, step: Step) -> int:
+    def _add(self, step: TapeStep) -> int:
         # −0.0 == 0.0: they may share a step; NaN would not be found again
         if step.name == NUMBER and not math.isfinite(step.number):
             raise ValueError(f"a constant is {step.number}")

@@ -36,7 +36,7 @@ NOTHING = object()
 
 
 @dataclass(frozen=True)
-class Symbol:
+class TracedNumber:
     """A number that depends on inputs: the step of a tape."""
 
     step: int
@@ -68,7 +68,7 @@ class Tracer:
         self.cells: dict[str, Array] = {}
 
     def fill(
-        self, function: Callable[..., Any], actuation: Any, u: Sequence[Symbol], parameters: Array
+        self, function: Callable[..., Any], actuation: Any, u: Sequence[TracedNumber], parameters: Array
     ) -> list[list[int]]:
         """Steps of τ (a), ∂τ/∂p (a or a·m) and ∂τ/∂u (a·a) of a law's scalar function.
 
@@ -98,11 +98,11 @@ class Tracer:
 
     def step(self, value: Any) -> int:
         """The step of a number or symbol."""
-        return value.step if isinstance(value, Symbol) else self.build.number(float(value))
+        return value.step if isinstance(value, TracedNumber) else self.build.number(float(value))
 
-    def op(self, name: str, *values: Any) -> Symbol:
+    def op(self, name: str, *values: Any) -> TracedNumber:
         """A symbol of an operation on numbers and symbols."""
-        return Symbol(self.build.op(name, *(self.step(value) for value in values)))
+        return TracedNumber(self.build.op(name, *(self.step(value) for value in values)))
 
     def call(self, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
         """What a function of the law's file returns."""
@@ -163,7 +163,7 @@ class _Frame:
     def _choose(self, node: ast.If, rest: Sequence[ast.stmt]) -> tuple[Any] | None:
         """Follow an `if`: (what is returned,), or None where the statements after it are still to come."""
         test = self.value(node.test)
-        if not isinstance(test, Symbol):
+        if not isinstance(test, TracedNumber):
             found = self.block(node.body if test else node.orelse)
             return None if found is NOTHING else (found,)
         returns = any(
@@ -193,12 +193,12 @@ class _Frame:
             one, other = (None if found is NOTHING else found for found in (one, other))
         return (self._either(test, one, other),)
 
-    def _either(self, test: Symbol, one: Any, other: Any) -> Any:
-        if one is other or (isinstance(one, Symbol | int | float) and one == other):
+    def _either(self, test: TracedNumber, one: Any, other: Any) -> Any:
+        if one is other or (isinstance(one, TracedNumber | int | float) and one == other):
             return one
         if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
             return tuple(self._either(test, a, b) for a, b in zip(one, other, strict=True))
-        if isinstance(one, Symbol | int | float) and isinstance(other, Symbol | int | float):
+        if isinstance(one, TracedNumber | int | float) and isinstance(other, TracedNumber | int | float):
             return self.tracer.op(SELECT, test, one, other)
         raise CannotTraceError("a choice between things that are no numbers")
 
@@ -236,7 +236,7 @@ class _Frame:
                 return self._boolean(op, parts)
             case ast.IfExp(test, body, orelse):
                 chosen = self.value(test)
-                if isinstance(chosen, Symbol):
+                if isinstance(chosen, TracedNumber):
                     return self._either(chosen, self.value(body), self.value(orelse))
                 return self.value(body if chosen else orelse)
             case ast.Subscript(array, place):
@@ -256,7 +256,7 @@ class _Frame:
         return known
 
     def _binary(self, op: ast.operator, left: Any, right: Any) -> Any:
-        if isinstance(left, Symbol) or isinstance(right, Symbol):
+        if isinstance(left, TracedNumber) or isinstance(right, TracedNumber):
             if isinstance(op, ast.Pow) and right in (2, 3):
                 square = self.tracer.op("*", left, left)
                 return square if right == 2 else self.tracer.op("*", square, left)
@@ -274,9 +274,9 @@ class _Frame:
 
     def _unary(self, op: ast.unaryop, value: Any, node: ast.expr) -> Any:
         if isinstance(op, ast.USub):
-            return self.tracer.op("-", 0.0, value) if isinstance(value, Symbol) else -value
+            return self.tracer.op("-", 0.0, value) if isinstance(value, TracedNumber) else -value
         if isinstance(op, ast.Not):
-            return self.tracer.op("not", value) if isinstance(value, Symbol) else not value
+            return self.tracer.op("not", value) if isinstance(value, TracedNumber) else not value
         raise _cannot(node)
 
     def _compare(self, left: Any, ops: Sequence[ast.cmpop], others: Sequence[Any]) -> Any:
@@ -285,7 +285,7 @@ class _Frame:
             if type(op) not in COMPARED:
                 raise CannotTraceError(type(op).__name__)
             name = COMPARED[type(op)]
-            known = not (isinstance(left, Symbol) or isinstance(right, Symbol))
+            known = not (isinstance(left, TracedNumber) or isinstance(right, TracedNumber))
             one = COMPARISONS[name](left, right) if known else self.tracer.op(name, left, right)
             found = one if found is True else self._both("and", found, one)
             left = right
@@ -295,23 +295,23 @@ class _Frame:
         name = "and" if isinstance(op, ast.And) else "or"
         found: Any = name == "and"
         for part in parts:
-            if not isinstance(found, Symbol) and bool(found) != (name == "and"):
+            if not isinstance(found, TracedNumber) and bool(found) != (name == "and"):
                 return found
             one = self.value(part)
-            found = one if not isinstance(found, Symbol) else self._both(name, found, one)
+            found = one if not isinstance(found, TracedNumber) else self._both(name, found, one)
         return found
 
     def _both(self, name: str, one: Any, other: Any) -> Any:
-        if isinstance(one, Symbol) or isinstance(other, Symbol):
+        if isinstance(one, TracedNumber) or isinstance(other, TracedNumber):
             return self.tracer.op(
-                name, *(value if isinstance(value, Symbol) else float(value) for value in (one, other))
+                name, *(value if isinstance(value, TracedNumber) else float(value) for value in (one, other))
             )
         return (one and other) if name == "and" else (one or other)
 
     def _item(self, held: Any, place: Any) -> Any:
         if isinstance(held, Cells):
             return self.tracer.cells[held.name][place]
-        if isinstance(place, Symbol):
+        if isinstance(place, TracedNumber):
             return self.tracer.op(TAKE, place)
         return float(held[place]) if isinstance(held, np.ndarray) else held[place]
 
@@ -324,7 +324,7 @@ class _Frame:
             raise _cannot(function)
         if known is len and isinstance(arguments[0], Cells):
             return arguments[0].shape[0]
-        if any(isinstance(argument, Symbol) for argument in arguments):
+        if any(isinstance(argument, TracedNumber) for argument in arguments):
             name = "trunc" if known is int else known.__name__
             name = "abs" if name == "fabs" else name
             if known in (min, max):

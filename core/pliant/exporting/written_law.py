@@ -11,7 +11,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.exporting.tape import Builder, Tape
-from pliant.exporting.tracing import Symbol, Tracer
+from pliant.exporting.tracing import TracedNumber, Tracer
 from pliant.records.design import Array
 from pliant.records.law import JointLaw, ScalarLaw
 
@@ -108,8 +108,8 @@ def identifier(name: str) -> str:
 def _tape(scalar: ScalarLaw, actuations: tuple[str, ...], deformations: tuple[str, ...]) -> Tape:
     m, a = len(actuations), len(deformations)
     build = Builder((*actuations, *deformations), scalar.parameters)
-    p = [Symbol(build.input(k)) for k in range(m)]
-    u = [Symbol(build.input(m + k)) for k in range(a)]
+    p = [TracedNumber(build.input(k)) for k in range(m)]
+    u = [TracedNumber(build.input(m + k)) for k in range(a)]
     tau, by_p, by_u = Tracer(build).fill(scalar.function, p if m > 1 else p[0], u, scalar.parameters)
     share = getattr(scalar, "less_rest", 0.0)
     if share:  # the elasticity that a law behind a shared joint does not have a second time

@@ -28,7 +28,7 @@ LONGEST = 0.2  # step of ln s
 TOLERANCE = 1e-11
 
 
-class Response(Protocol):
+class StressResponse(Protocol):
     """Stress P (n, 3, 3) and tangent A (n, 3, 3, 3, 3), Pa."""
 
     @property
@@ -41,7 +41,7 @@ class Response(Protocol):
 class HomogeneousSolid(Protocol):
     """What a test needs of a material."""
 
-    def evaluate(self, F: Array) -> Response:
+    def evaluate(self, F: Array) -> StressResponse:
         """P and A at F (n, 3, 3)."""
         ...
 

@@ -14,7 +14,7 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig
 from pliant.interfaces.material import Material, MaterialConfig
 from pliant.pipeline.dataset import module_problems, piece_of
-from pliant.pipeline.sampling.walk import FULL, MAIN, Saved, Target, Walk
+from pliant.pipeline.sampling.walk import FULL, MAIN, Saved, StateTarget, Walk
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import FemState, ModuleData, ModuleFields
 
@@ -32,7 +32,7 @@ class SolvedFields:
     axes: tuple[str, ...]
 
 
-def field_targets(data: ModuleData, which: Which) -> list[Target]:
+def field_targets(data: ModuleData, which: Which) -> list[StateTarget]:
     """The states to solve again, in an order in which each is close to one before it.
 
     "free": the main axis' free branch. "extremes": also, of each axis, the held states with the smallest and largest
@@ -41,19 +41,23 @@ def field_targets(data: ModuleData, which: Which) -> list[Target]:
     free = sorted(
         {float(p) for p in data.actuation[(data.explored == data.main_axis) & (data.branch == "free")]}
     )
-    targets = [Target("free", p, explored=data.main_axis) for p in free if p > 0]
+    targets = [StateTarget("free", p, explored=data.main_axis) for p in free if p > 0]
     if which != "free":
         for axis in data.explored_axes():
             targets += _held(data, axis, which)
     if which == "all":
         for row in np.flatnonzero(data.explored == "coupling"):
             held = {axis: float(u) for axis, u in zip(data.axes, data.deformation[row], strict=True)}
-            targets.append(Target("constrained", float(data.actuation[row]), held, piece=FULL))
+            targets.append(StateTarget("constrained", float(data.actuation[row]), held, piece=FULL))
     return targets
 
 
 def solve_fields(
-    bench: Workbench, family: FamilyConfig, material: MaterialConfig, fem: FemConfig, targets: list[Target]
+    bench: Workbench,
+    family: FamilyConfig,
+    material: MaterialConfig,
+    fem: FemConfig,
+    targets: list[StateTarget],
 ) -> Iterator[SolvedFields]:
     """The rest state and the targets, each with its fields as soon as it is solved.
 
@@ -88,7 +92,7 @@ def solve_fields(
             bar.finish()
 
 
-def _held(data: ModuleData, axis: str, which: Which) -> list[Target]:
+def _held(data: ModuleData, axis: str, which: Which) -> list[StateTarget]:
     """Held states of one axis, nearest to the free state first."""
     k = data.axes.index(axis)
     rows = np.flatnonzero((data.explored == axis) & (data.branch == "constrained"))
@@ -103,4 +107,4 @@ def _held(data: ModuleData, axis: str, which: Which) -> list[Target]:
     order = rows[np.argsort(np.abs(data.tau[rows, k]), kind="stable")]
     piece = MAIN if axis == data.main_axis else FULL
     places = [(float(data.actuation[row]), {axis: float(data.deformation[row, k])}) for row in order]
-    return [Target("constrained", p, held, explored=axis, piece=piece) for p, held in places]
+    return [StateTarget("constrained", p, held, explored=axis, piece=piece) for p, held in places]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pliant.pipeline.sampling.gaussian import Process, effort_orders, fit, slope_orders
-from pliant.pipeline.sampling.walk import Sampled, Target, Walk
+from pliant.pipeline.sampling.walk import Sampled, StateTarget, Walk
 from pliant.records.design import Array
 
 LATTICE = 21  # candidates along each side of the box
@@ -90,12 +90,12 @@ class Box:
         p, u = np.meshgrid(*(np.linspace(*side, LATTICE) for side in sides))
         return p.ravel(), u.ravel()
 
-    def target(self, actuation: float, deformation: float) -> Target:
+    def target(self, actuation: float, deformation: float) -> StateTarget:
         """The state to solve at a place."""
         held = {self.axis: deformation}
-        return Target("constrained", actuation, held, explored=self.axis, piece=self.piece)
+        return StateTarget("constrained", actuation, held, explored=self.axis, piece=self.piece)
 
-    def corners(self) -> list[Target]:
+    def corners(self) -> list[StateTarget]:
         """The corners, the easy ones first: without actuation, then bent with it, then against it."""
         (p0, p1), (u0, u1) = self.actuation, self.deformation
         places = ((p0, u1), (p1, u1), (p0, u0), (p1, u0))

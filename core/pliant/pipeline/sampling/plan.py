@@ -33,7 +33,17 @@ from pliant.pipeline.sampling.strategies import (
     study_states,
     trusted_box,
 )
-from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling, Saved, Target, Walk, levels
+from pliant.pipeline.sampling.walk import (
+    FULL,
+    MAIN,
+    Piece,
+    Sampled,
+    Sampling,
+    Saved,
+    StateTarget,
+    Walk,
+    levels,
+)
 from pliant.records.actuation import Levels
 from pliant.records.fem import FemState, Role
 
@@ -205,14 +215,14 @@ class _Plan:
         low, high = np.array(sides).T
         for point in low + (high - low) * points:
             held = {axis: float(u) for axis, u in zip(axes, point[1:], strict=True)}
-            walk.reach(Target("constrained", float(point[0]), held, piece=FULL))
+            walk.reach(StateTarget("constrained", float(point[0]), held, piece=FULL))
 
     def _mirror_test(self, walk: Walk, axis: str) -> tuple[bool, float | None]:
         """Whether the states at ±u under the largest actuation are mirror images, and how much they differ."""
         k, reach = self.pieces[FULL].axes.index(axis), self.config.lateral_angle_rad
 
         def corner(angle: float, role: Role) -> FemState | None:
-            return walk.reach(Target("constrained", self.limit, {axis: angle}, {}, role, axis, FULL))
+            return walk.reach(StateTarget("constrained", self.limit, {axis: angle}, {}, role, axis, FULL))
 
         right, left = corner(reach, "fit"), corner(-reach, "check")
         if right is None or left is None:

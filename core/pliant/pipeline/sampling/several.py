@@ -16,7 +16,7 @@ import scipy
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.sampling.walk import MAIN, Target, Walk
+from pliant.pipeline.sampling.walk import MAIN, StateTarget, Walk
 from pliant.records.design import Array
 from pliant.records.fem import Role
 
@@ -56,7 +56,7 @@ class SeveralPlan:
         walk.rest()
         for driven in (*np.eye(len(self.limit)), np.ones(len(self.limit))):
             for share in FREE_SHARES:
-                walk.reach(Target("free", _levels(share * driven * self.limit)))
+                walk.reach(StateTarget("free", _levels(share * driven * self.limit)))
         sides = self._sides(walk)
         low, high = np.array([*((0.0, limit) for limit in self.limit), *sides.values()]).T
         points = self._points(len(low))
@@ -74,7 +74,7 @@ class SeveralPlan:
     def _hold(self, walk: Walk, place: Array, axes: tuple[str, ...], role: Role) -> None:
         m = len(self.limit)
         held = dict(zip(axes, place[m:].tolist(), strict=True))
-        walk.reach(Target("constrained", _levels(place[:m]), held, role=role))
+        walk.reach(StateTarget("constrained", _levels(place[:m]), held, role=role))
 
     def _sides(self, walk: Walk) -> dict[str, tuple[float, float]]:
         """Of each axis the range of the free states, widened by `angle_high`; an axis that none drives gets

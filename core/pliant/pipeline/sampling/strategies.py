@@ -7,7 +7,7 @@ import numpy as np
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
-from pliant.pipeline.sampling.walk import MAIN, Target, Walk, levels
+from pliant.pipeline.sampling.walk import MAIN, StateTarget, Walk, levels
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 
@@ -26,7 +26,7 @@ ROUNDING = 1e-9
 def free_levels(walk: Walk, actuations: Array, explored: str, piece: str = MAIN) -> None:
     """The free branch at given actuations, ascending. Raises `NotReachedError` at its first failure."""
     for actuation in actuations:
-        if walk.reach(Target("free", float(actuation), explored=explored, piece=piece)) is None:
+        if walk.reach(StateTarget("free", float(actuation), explored=explored, piece=piece)) is None:
             raise _stopped(walk)
 
 
@@ -43,7 +43,7 @@ def free_adaptive(walk: Walk, limit: float, explored: str) -> None:
         left = limit - here.actuation
         # Two even steps rather than one and a splinter.
         length = left if left <= step else min(step, left / 2) if left < 2 * step else step
-        target = Target("free", limit if length == left else here.actuation + length, explored=explored)
+        target = StateTarget("free", limit if length == left else here.actuation + length, explored=explored)
         found = walk.reach(target)
         if found is None:
             step = length / 2
@@ -86,7 +86,7 @@ def trusted_box(walk: Walk, axis: str, limit: float, low: float, high: float) ->
         """`outer` if a state there is sound, else the furthest sound one found by halving towards `inner`."""
         reached, trial = inner, outer
         for share in ACTUATIONS if inner != outer else ():
-            found = walk.reach(Target("constrained", share * limit, {axis: trial}, explored=axis))
+            found = walk.reach(StateTarget("constrained", share * limit, {axis: trial}, explored=axis))
             if found is not None and found.trusted:
                 reached = trial
                 if trial == outer:
@@ -114,19 +114,19 @@ def grid(walk: Walk, config: FemConfig, limit: float, axis: str) -> tuple[float,
     for p in levels(0.0, limit, config.pressures):
         here = float(np.interp(p, actuations, angles))
         for u in sorted(levels(low, high, config.angles), key=lambda u: abs(u - here)):
-            walk.reach(Target("constrained", float(p), {axis: float(u)}, explored=axis))
+            walk.reach(StateTarget("constrained", float(p), {axis: float(u)}, explored=axis))
     return low, high
 
 
 def check_targets(
     limit: float, low: float, high: float, count: int, seed: int, axis: str, piece: str = MAIN
-) -> list[Target]:
+) -> list[StateTarget]:
     """`count` states, which no fit will see, spread over the box by a seeded Latin hypercube."""
     random = np.random.default_rng(seed)
     strata = np.stack([random.permutation(count), random.permutation(count)], axis=1)
     points = (strata + random.random((count, 2))) / max(count, 1)
     places = [(float(a * limit), {axis: float(low + b * (high - low))}) for a, b in points]
-    return [Target("constrained", p, held, {}, "check", axis, piece) for p, held in places]
+    return [StateTarget("constrained", p, held, {}, "check", axis, piece) for p, held in places]
 
 
 def loads_of(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]:
@@ -185,7 +185,9 @@ def ladders(
         for ladder in (efforts[efforts > small], efforts[efforts < -small][::-1]):
             for effort in ladder:
                 load = {axis: float(effort)}
-                state = walk.reach(Target("constrained", float(p), effort=load, explored=axis, piece=piece))
+                state = walk.reach(
+                    StateTarget("constrained", float(p), effort=load, explored=axis, piece=piece)
+                )
                 if state is None or not box[0] <= float(state.deformation[k]) <= box[1]:
                     break
 

@@ -32,7 +32,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Target:
+class StateTarget:
     """A state to solve.
 
     Attributes:
@@ -65,7 +65,7 @@ class Target:
 class Sampled:
     """A target of the sampling with the state that FEM found for it."""
 
-    target: Target
+    target: StateTarget
     state: FemState
 
 
@@ -187,7 +187,7 @@ class Walk:
     bar: ProgressBar
     solved: list[Sampled] = field(default_factory=list)
     failed: list[dict[str, object]] = field(default_factory=list)
-    stops: list[Target] = field(default_factory=list)
+    stops: list[StateTarget] = field(default_factory=list)
     passing: bool = False  # what overlaps is let pass
     inputs: int = 1  # how many actuations there are
 
@@ -198,11 +198,11 @@ class Walk:
     def rest(self, piece: str = MAIN, explored: str = "") -> FemState:
         """The undeformed state of a piece."""
         actuation = 0.0 if self.inputs == 1 else (0.0,) * self.inputs
-        target = Target("free", actuation, explored=explored, piece=piece)
+        target = StateTarget("free", actuation, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
         return self._kept(name, target, self.pieces[piece].solver.rest)
 
-    def reach(self, target: Target) -> FemState | None:
+    def reach(self, target: StateTarget) -> FemState | None:
         """The target's state, or None where it failed, which is recorded."""
         start = self._nearest(target)
         try:
@@ -225,14 +225,14 @@ class Walk:
         """How many targets were dealt with."""
         return len(self.solved) + len(self.stops)
 
-    def reach_new(self, targets: list[Target]) -> None:
+    def reach_new(self, targets: list[StateTarget]) -> None:
         """Reach those of the targets that were not dealt with."""
         for target in targets:
             known = (*(one.target for one in self.solved), *self.stops)
             if all(other.name != target.name for other in known):
                 self.reach(target)
 
-    def _kept(self, name: str, target: Target, solve: Callable[[], FemState]) -> FemState:
+    def _kept(self, name: str, target: StateTarget, solve: Callable[[], FemState]) -> FemState:
         """The state, its overlap let pass unless rigid parts meet; solved or found among the saved ones."""
 
         def seen() -> FemState:
@@ -246,7 +246,7 @@ class Walk:
         self.solved.append(Sampled(target, state))
         return state
 
-    def _solve(self, target: Target, start: FemState) -> FemState:
+    def _solve(self, target: StateTarget, start: FemState) -> FemState:
         piece = self.pieces[target.piece]
         if target.held:
             alone = target.held.get(piece.main_axis) if len(piece.axes) == 1 else None
@@ -255,7 +255,7 @@ class Walk:
             return piece.solver.loaded(target.actuation, target.effort, start, piece.axes)
         return piece.solver.free(target.actuation, start)
 
-    def _nearest(self, target: Target) -> FemState:
+    def _nearest(self, target: StateTarget) -> FemState:
         """The solved state closest in actuation and in what the target holds, both by what has been covered."""
         states = [one.state for one in self.of(target.piece)]
         wanted = target.effort or target.held
@@ -276,7 +276,7 @@ class Walk:
             distance = distance + ((column - value) / width(np.append(column, value))) ** 2
         return states[int(np.argmin(distance))]
 
-    def _nearest_of_several(self, target: Target, states: list[FemState]) -> FemState:
+    def _nearest_of_several(self, target: StateTarget, states: list[FemState]) -> FemState:
         """The same under several actuations; a free target's own place is not known, and actuations alone count."""
         at = np.array([np.asarray(s.actuation, float) for s in states])
         wanted = np.asarray(target.actuation, float)
