@@ -123,7 +123,7 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
         opened: the study.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead, one for each CPU by default; 1 solves in this process.
+        workers: processes of our own instead; 1 solves in this process. By default the study's, or one for each CPU.
 
     A script that starts processes needs `if __name__ == "__main__":`.
     """
@@ -223,7 +223,7 @@ def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = 
         opened: the study; it has `search`.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead, one for each CPU by default; 1 evaluates in this process.
+        workers: processes of our own instead; 1 evaluates in this process. By default the study's, or one for each CPU.
 
     Raises:
         UserError: the study cannot be searched.
@@ -273,20 +273,20 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
 
 
 def compare_counts(
-    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = 1
+    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = None
 ) -> CountComparison:
     """The study's task against a file of successes and trials: `pliant compare` on counts."""
     counted = counted_study(opened.study, None if data is None else Path(data))
-    return compare_counted(opened.bench, counted, workers)
+    return compare_counted(opened.bench, counted, opened.study.who_works(workers, 1))
 
 
 def diagnose(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = None
 ) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
     own = own_runs(opened.study, model.chain, model.measurement)
-    return diagnose_with(model, kinds=kinds, runs=own, workers=workers)
+    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.who_works(workers, 1))
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
@@ -302,7 +302,7 @@ def improve(
     kinds: Sequence[str] | None = None,
     learned: bool = False,
     named_only: bool = False,
-    workers: Workers = 1,
+    workers: Workers = None,
 ) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`; `learned`: with a learned term as its last step."""
     measurement = read_measurement(opened, data)
@@ -313,7 +313,7 @@ def improve(
         kinds=kinds,
         learned=learned,
         named_only=named_only,
-        workers=workers,
+        workers=opened.study.who_works(workers, 1),
     )
 
 

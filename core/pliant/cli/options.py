@@ -42,7 +42,11 @@ PluginFiles = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option("--workers", metavar="N", help="Processes that work; by default one for each CPU."),
+    typer.Option(
+        "--workers",
+        metavar="N",
+        help="Processes that work; by default the study's 'workers', or one for each CPU.",
+    ),
 ]
 Scheduler = Annotated[
     str | None,
@@ -50,6 +54,15 @@ Scheduler = Annotated[
         "--scheduler",
         metavar="ADDRESS",
         help="Work on a dask cluster instead: tcp://host:8786, or the scheduler's file.",
+    ),
+]
+Fitters = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        help="Processes that fit hypotheses or simulate the conditions of counts; by default the study's 'workers', "
+        "or this one alone.",
     ),
 ]
 DEFAULT_STORE = Path(".pliant/store")

@@ -241,7 +241,7 @@ class StudyHandle:
         )
 
     def diagnose(
-        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
+        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = None
     ) -> Result[Any]:
         """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`.
 
@@ -281,7 +281,7 @@ class StudyHandle:
         effects: Sequence[str] | None = None,
         learned: bool = False,
         named_only: bool = False,
-        workers: Workers = 1,
+        workers: Workers = None,
         out: str | Path | None = None,
     ) -> Result[Any]:
         """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`.
@@ -291,7 +291,7 @@ class StudyHandle:
             effects: candidates; all by default.
             learned: whether a learned term may be the last step.
             named_only: add nothing whose cause no verdict names, however well it predicts.
-            workers: processes that fit hypotheses.
+            workers: processes that fit hypotheses; by default the study's, or this one.
             out: a new study file that has what was added; nothing is written where nothing was.
 
         >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
