@@ -85,11 +85,13 @@ def test_without_repeats_nothing_is_called_noise(tmp_path):
     assert any("may still be noise" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_no_more_effects_than_asked_for(tmp_path):
     found = improved(tmp_path, effect("viscoelastic"), most_steps=0)
     assert added(found) == [] and found.stop == "most_steps"
 
 
+@pytest.mark.slow
 def test_locked_readings_decide_nothing(creeping):
     """Nonsense in the runs that are put aside changes what is reported, never what is chosen."""
     model, measurement, first = creeping

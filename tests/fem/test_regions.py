@@ -36,6 +36,7 @@ def test_a_region_of_the_bodys_own_material_changes_no_bit() -> None:
     assert (a.moment_n_m, a.energy_j, a.dmoment_du) == (b.moment_n_m, b.energy_j, b.dmoment_du)
 
 
+@pytest.mark.slow
 def test_two_halves_that_are_half_as_stiff_are_one_region_half_as_stiff() -> None:
     problem = box_problem()
     cells = np.arange(len(problem.mesh.cells))

@@ -170,6 +170,7 @@ task: {kind: reach, tip: [59.451 mm, 0 mm, -7.889 mm]}
 """
 
 
+@pytest.mark.slow
 def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
     """contracts.md: eight modules at 15 kPa without gravity have their tip at (0.059451, 0, −0.007889) m."""
     (tmp_path / "finger.yaml").write_text(STUDY)
