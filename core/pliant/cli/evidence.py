@@ -9,7 +9,15 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.options import Fitters, Overrides, Scheduler, StudyFile, verb, workers_or_scheduler
+from pliant.cli.options import (
+    Fitters,
+    Overrides,
+    Scheduler,
+    StudyFile,
+    report_folder,
+    verb,
+    workers_or_scheduler,
+)
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
@@ -48,12 +56,6 @@ Candidates = Annotated[
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
 NEXT_RUN = "next_run.csv"
-
-
-def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
-    """The option for the folder of a verb's report."""
-    text = f"Folder of the report; runs/<name>-{verb} by default."
-    return typer.Option(option, metavar="DIR", help=text)
 
 
 @verb()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, measurement_of, report_folder
+from pliant.cli.evidence import Candidates, DataFile, measurement_of
 from pliant.cli.options import (
     Fitters,
     Force,
@@ -17,6 +17,7 @@ from pliant.cli.options import (
     Scheduler,
     StudyFile,
     check_target,
+    report_folder,
     verb,
     workers_or_scheduler,
 )

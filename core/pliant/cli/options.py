@@ -68,6 +68,12 @@ Fitters = Annotated[
 DEFAULT_STORE = Path(".pliant/store")
 
 
+def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
+    """The option for the folder of a verb's report."""
+    text = f"Folder of the report; runs/<name>-{verb} by default."
+    return typer.Option(option, metavar="DIR", help=text)
+
+
 def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A verb of the command line: its function gets a `Session` first; `--store`, `--json` and `--quiet` are added."""
     shared: dict[str, tuple[Any, Any]] = {

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.bands import Bands
-from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.covariates import Covariates, covariates
@@ -20,6 +19,10 @@ from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, display_unit, unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
+
+if TYPE_CHECKING:  # pages of what a file says need no diagnosis
+    from pliant.diagnosis.bands import Bands
+    from pliant.diagnosis.diagnosis import Diagnosis
 
 MOST_POINTS = 1200  # of one line; more cannot be seen
 
