@@ -11,7 +11,7 @@ import numpy as np
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.improvement import Improvement, Step
 from pliant.evidence.comparison import compare
-from pliant.formatting import listed, number, unit_of, whole_percent
+from pliant.formatting import listed, number, plural, unit_of, whole_percent
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -141,7 +141,7 @@ def causes(found: Improvement) -> str:
 
 def origin(found: Improvement, cited: str) -> str:
     """Where the values of the new study come from."""
-    aside = f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
+    aside = f"{plural(len(found.locked.runs), 'run')} put aside" if found.locked.runs else "no run put aside"
     return f"fitted to {cited} by 'pliant improve', {aside}"
 
 
