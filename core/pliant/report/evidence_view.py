@@ -92,10 +92,16 @@ def with_ratio(group: GroupError) -> str:
 
 def clock(run: MeasuredRun) -> tuple[Array, str]:
     """(t,) time from the run's start in its display unit, or sample numbers, and the axis' label."""
+    label, symbol = clock_words(run)
     if run.history.time_s is None:
-        return np.arange(1.0, len(run) + 1), "sample"
-    time, unit = np.asarray(run.history.time_s, float), display_unit("s")
-    return unit.factor * (time - time[:1]), f"time in the run ({unit.symbol})"
+        return np.arange(1.0, len(run) + 1), label
+    time = np.asarray(run.history.time_s, float)
+    return display_unit("s").factor * (time - time[:1]), f"{label} ({symbol})"
+
+
+def clock_words(run: MeasuredRun) -> tuple[str, str]:
+    """Name and unit of the axis of time, or of sample numbers."""
+    return ("sample", "") if run.history.time_s is None else ("time in the run", display_unit("s").symbol)
 
 
 def abscissa(compared: Compared) -> tuple[str, NamedUnit] | None:

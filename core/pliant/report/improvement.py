@@ -262,7 +262,7 @@ def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
 
 def _band_picture(found: Improvement, measurement: Measurement) -> Picture | None:
     """The band over the runs put aside, of the output that the steps changed most."""
-    from pliant.report.figures.comparison import MOST, runs_in_time
+    from pliant.report.figures.comparison import MOST, runs_chart, runs_in_time
 
     if found.bands is None:
         return None
@@ -282,4 +282,4 @@ def _band_picture(found: Improvement, measurement: Measurement) -> Picture | Non
         f"{cut}"
     )
     names = names[:MOST]
-    return Picture("bands", caption, runs_in_time(shown, output, names))
+    return Picture("bands", caption, runs_in_time(shown, output, names), runs_chart(shown, output, names))
