@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 
-from pliant.report.chart import LEVELS, MISSING, Axis, Chart, Line, Panel, as_script_data
+from pliant.report.chart import LEVELS, MISSING, Chart, ChartAxis, ChartLine, Panel, as_script_data
 
 
 def unpacked(packed):
@@ -14,7 +14,9 @@ def unpacked(packed):
 
 
 def chart(x, y, name="run"):
-    return Chart((Panel(Axis("time", "s"), Axis("angle", "°"), (Line("measured", x, y, name),)),))
+    return Chart(
+        (Panel(ChartAxis("time", "s"), ChartAxis("angle", "°"), (ChartLine("measured", x, y, name),)),)
+    )
 
 
 def test_numbers_come_back_within_half_a_level_and_gaps_as_gaps():
@@ -38,8 +40,8 @@ def test_lists_without_numbers_or_of_one_value_stay_what_they_are():
 
 def test_a_list_that_several_lines_share_is_written_once():
     x = np.arange(9.0)
-    lines = tuple(Line("measured", x, x**2, str(k)) for k in range(5))
-    data = json.loads(as_script_data(Chart((Panel(Axis("a"), Axis("b"), lines),))))
+    lines = tuple(ChartLine("measured", x, x**2, str(k)) for k in range(5))
+    data = json.loads(as_script_data(Chart((Panel(ChartAxis("a"), ChartAxis("b"), lines),))))
     assert len(data["lists"]) == 2
 
 

@@ -17,7 +17,7 @@ MISSING = 65_535
 
 
 @dataclass(frozen=True)
-class Axis:
+class ChartAxis:
     """What an axis shows: its name in words and the unit of the values on it."""
 
     label: str
@@ -30,7 +30,7 @@ class Axis:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class ChartLine:
     """Values over others, in the units of the panel's axes.
 
     Attributes:
@@ -77,9 +77,9 @@ class Panel:
         linked: panels of one such name share the stretch of x that is looked at.
     """
 
-    x: Axis
-    y: Axis
-    lines: tuple[Line, ...]
+    x: ChartAxis
+    y: ChartAxis
+    lines: tuple[ChartLine, ...]
     bands: tuple[Band, ...] = ()
     title: str = ""
     below: str = ""
@@ -155,5 +155,5 @@ def _panel(panel: Panel, pool: _Pool) -> dict[str, Any]:
     }
 
 
-def _named(part: Line | Band) -> dict[str, str]:
+def _named(part: ChartLine | Band) -> dict[str, str]:
     return {"name": visible(part.name), "run": visible(part.run), "colour": part.colour}

@@ -15,7 +15,7 @@ from pliant.evidence.places import Place, all_bins
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, number, unit_of, whole_percent
 from pliant.records.design import Array
-from pliant.report.chart import Axis, Band, Chart, Line, Panel
+from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
 from pliant.report.evidence_view import (
     Compared,
     abscissa,
@@ -69,13 +69,15 @@ def _run_panels(compared: Compared, name: str, output: str, words: NamedUnit) ->
         known = True
     dot = 3.0 if len(pick) < FEW else 0.0
     bands = [("band", low, high), ("band", low - predicted, high - predicted)] if known else [None, None]
-    x = Axis(*clock_words(run))
+    x = ChartAxis(*clock_words(run))
     top = (
-        Line("model", time, predicted, name, style.SERIES[0], 1.5),
-        Line("measured", time, measured, name, style.INK, 0.9, dot),
+        ChartLine("model", time, predicted, name, style.SERIES[0], 1.5),
+        ChartLine("measured", time, measured, name, style.INK, 0.9, dot),
     )
-    error = (Line("measured − model", time, measured - predicted, name, style.INK, 0.7, dot, style.WARN),)
-    labels = (Axis(words.label, words.symbol), Axis("error", words.symbol))
+    error = (
+        ChartLine("measured − model", time, measured - predicted, name, style.INK, 0.7, dot, style.WARN),
+    )
+    labels = (ChartAxis(words.label, words.symbol), ChartAxis("error", words.symbol))
     made = [
         Panel(
             x,
@@ -174,22 +176,22 @@ def _loop_panels(
         x = across.factor * input_of(run, driver)
         measured, predicted = (up.factor * np.asarray(v[output], float) for v in (run.outputs, said))
         dot = 3.0 if len(pick) < FEW else 0.0
-        readings.append(Line("measured", x[pick], measured[pick], name, REPEATS[k % 3], 1.0, dot))
+        readings.append(ChartLine("measured", x[pick], measured[pick], name, REPEATS[k % 3], 1.0, dot))
         if k == 0:
-            model.append(Line("model", x[pick], predicted[pick], "", SEEN_THROUGH, 2.0))
+            model.append(ChartLine("model", x[pick], predicted[pick], "", SEEN_THROUGH, 2.0))
         direction = phases(x, run.history.time_s).direction
         for sense, word, colour in SENSES:
             error = np.where(direction == sense, measured - predicted, np.nan)[pick]
-            errors.append(Line(f"error, {word}", x[pick], error, name, colour, 1.0, 2.2 if dot else 1.1))
+            errors.append(ChartLine(f"error, {word}", x[pick], error, name, colour, 1.0, 2.2 if dot else 1.1))
     floor = compared.comparison.outputs[output].noise_floor
     bands: tuple[Band, ...] = ()
     if np.isfinite(floor):
         ends, half = charts.level(np.concatenate([line.x for line in errors]), 2 * floor * up.factor)
         bands = (Band("± 2 floors", ends, -half, half, "", LOOP_BAND),)
-    x_axis, linked = Axis(across.label, across.symbol), condition.name
-    top = Panel(x_axis, Axis(up.label, up.symbol), (*readings, *model), linked=linked)
+    x_axis, linked = ChartAxis(across.label, across.symbol), condition.name
+    top = Panel(x_axis, ChartAxis(up.label, up.symbol), (*readings, *model), linked=linked)
     bottom = Panel(
-        x_axis, Axis("error", up.symbol), tuple(errors), bands, zero=style.SERIES[0], linked=linked
+        x_axis, ChartAxis("error", up.symbol), tuple(errors), bands, zero=style.SERIES[0], linked=linked
     )
     return replace(top, title=with_ratio(condition), below=condition.words), bottom
 
