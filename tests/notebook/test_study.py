@@ -141,7 +141,7 @@ def test_a_recording_is_taken_as_files_as_it_was_read_and_as_a_frame(stated: Stu
     ]
     assert errors == pytest.approx([errors[0]] * len(errors), rel=1e-9)
     new = stated.path.with_name("new.yaml")
-    for unnamed in (read.to_frame(), pliant.read(file, sigma={"angle_rad": "1 deg"})):
+    for unnamed in (read.to_frame(), [read.to_frame()], pliant.read(file, sigma={"angle_rad": "1 deg"})):
         with pytest.raises(UserError, match="give 'data' as paths"):
             stated.extend("stiffness", data=unnamed, out=new)
         assert not new.exists()

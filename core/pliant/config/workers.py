@@ -13,7 +13,7 @@ class WorkersConfig(FrozenModel):
     """`workers: 2` for processes of this machine, `workers: {kind: dask, address: tcp://host:8786}` for a cluster.
 
     FEM sweeps, searches with their checks, diagnoses and counted trials are done by them. Results do not depend on
-    who works, and no key of a stored result holds it.
+    who works, and no key of stored data, laws or searches holds it.
     """
 
     kind: Literal["processes", "dask"] = Field(

@@ -375,8 +375,9 @@ def _files_of(data: Data) -> list[Path]:
         data = block["file"] if set(block) == {"file"} else data
     if isinstance(data, str | Path):
         return [Path(data)]
-    if data is None or isinstance(data, list | tuple):
-        return [Path(file) for file in data or ()]
+    files = [] if data is None else data
+    if isinstance(files, list | tuple) and all(isinstance(file, str | Path) for file in files):
+        return [Path(file) for file in files]
     raise UserError(
         "a new study names its measurement's files, which must be readable as they are; give 'data' as paths, with "
         "notes in a YAML file beside each, or leave 'out' out."
