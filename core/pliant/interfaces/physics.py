@@ -101,6 +101,11 @@ class Simulation(EngineHandle, ABC):
     def step(self, duration_s: float) -> None:
         """Advance by `duration_s`, in as many internal steps as the engine needs."""
 
+    def advance(self, duration_s: float) -> bool:
+        """`step`, and whether the engine reached what it should there; True where an engine cannot tell."""
+        self.step(duration_s)
+        return True
+
     @abstractmethod
     def snapshot(self) -> SimulationState:
         """The present state; `restore` brings it back exactly."""

@@ -96,10 +96,18 @@ class WithInputs(Simulation):
         return self.inner.settle()
 
     def step(self, duration_s: float) -> None:
+        self._let_pass(duration_s)
+        self.inner.step(duration_s)
+
+    def advance(self, duration_s: float) -> bool:
+        self._let_pass(duration_s)
+        return self.inner.advance(duration_s)
+
+    def _let_pass(self, duration_s: float) -> None:
+        """Give the inner simulation what acts at the end of a step."""
         acting = self._commands.pass_time(duration_s)
         if acting is not None:
             self.inner.apply(acting)
-        self.inner.step(duration_s)
 
     def snapshot(self) -> SimulationState:
         return self.inner.snapshot()

@@ -1,0 +1,154 @@
+"""Follow pressure: actuation in time, motion out; free swings, the answer to a step and to a sine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pliant.interfaces.physics import Simulation
+from pliant.interfaces.task import Task
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.rollout import Equilibrium, Inputs, TaskResult
+from pliant.units import Frequency, Time
+from pliant_plugins.tasks.levels import MEASURED, Level, result_of
+from pliant_plugins.tasks.ramp import ActuatedConfig
+from pliant_plugins.tasks.responses import sine_response, step_response, swings
+
+# Modes that are reported.
+MODES = 2
+MOST_SAMPLES = 100_000
+
+
+class FollowPressureConfig(ActuatedConfig):
+    """``task: {kind: follow_pressure, pressure: 15 kPa, waveform: step, duration: 2 s, record: 2 ms}``.
+
+    The chain settles at the first value, then time runs.
+    """
+
+    kind: Literal["follow_pressure"] = "follow_pressure"
+    waveform: Literal["step", "release", "sine", "table"] = Field(
+        default="step",
+        description="of the actuation: from 0 to its full value at once; from there to 0; (1 − cos 2πft)/2 of it; or "
+        "the 'table'",
+    )
+    table: tuple[tuple[Time, float], ...] = Field(
+        default=(),
+        description="times and shares of the full actuation, straight lines between: [[0 s, 0], [2 s, 1], [5 s, 0.4]]",
+    )
+    frequency_hz: Frequency = Field(default=1.0, gt=0.0, description="of the sine")
+    duration_s: Time = Field(default=2.0, gt=0.0, description="of the motion")
+    record_s: Time = Field(
+        default=0.01, gt=0.0, description="from sample to sample; the actuation changes at samples"
+    )
+
+    @model_validator(mode="after")
+    def _table(self) -> FollowPressureConfig:
+        if (self.waveform == "table") != bool(self.table):
+            raise ValueError("give 'table' with 'waveform: table', and only there")
+        if any(b[0] <= a[0] for a, b in zip(self.table, self.table[1:], strict=False)):
+            raise ValueError("the times of 'table' should increase")
+        if self.duration_s / self.record_s > MOST_SAMPLES:
+            raise ValueError(
+                f"{self.duration_s / self.record_s:.0f} samples are more than {MOST_SAMPLES}: give a longer 'record' "
+                "or a shorter 'duration'"
+            )
+        return self
+
+    def times(self) -> Array:
+        """(t,) s, from 0 on."""
+        return self.record_s * np.arange(max(1, round(self.duration_s / self.record_s)) + 1)
+
+    def shares(self, time_s: Array) -> Array:
+        """(t,) of the full actuation; the first is what the chain has settled at."""
+        if self.waveform == "sine":
+            return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * self.frequency_hz * time_s)))
+        if self.waveform == "table":
+            times, shares = np.array(self.table).T
+            return np.interp(time_s, times, shares)
+        later = (time_s > 0.0).astype(float)
+        return later if self.waveform == "step" else 1.0 - later
+
+
+class FollowPressure(Task):
+    """Drives the chain in time and measures its bend (the sum of main coordinates; extension on prismatic chains).
+
+    Metrics beside those of the last sample: after a step or a release `mode_1_frequency_hz`, `mode_1_damping_ratio`,
+    the same of mode 2 (where the chain swings), `rise_time_s`, `settling_time_s`, `overshoot_share`; of a sine
+    `gain_share` (swing of the bend over that of a slow run between the same levels), `phase_rad` (negative lags) and
+    `not_sine_share`.
+    """
+
+    config: FollowPressureConfig
+
+    def measures(self) -> tuple[str, ...]:
+        modes = [f"mode_{k + 1}_{name}" for k in range(MODES) for name in ("frequency_hz", "damping_ratio")]
+        steps = ("rise_time_s", "settling_time_s", "overshoot_share")
+        return (*MEASURED, *modes, *steps, "gain_share", "phase_rad", "not_sine_share")
+
+    def run(self, simulation: Simulation) -> TaskResult:
+        config, chain = self.config, simulation.chain
+        full, times = config.actuation(chain), config.times()
+        shares = config.shares(times)
+        levels = [
+            Level(t, Inputs({name: share * value for name, value in full.items()}), f"{t:g} s")
+            for t, share in zip(times.tolist(), shares.tolist(), strict=True)
+        ]
+        slow = self._slow_span(simulation, full) if config.waveform == "sine" else 0.0
+        found = _motion(simulation, levels)
+        result = result_of(chain, levels, found)
+        bend = _bend(chain, np.array([one.joint_angles for one in found]))
+        return replace(result, metrics={**result.metrics, **self._numbers(times, bend, slow)})
+
+    def _numbers(self, times: Array, bend: Array, slow: float) -> dict[str, Any]:
+        config = self.config
+        if config.waveform == "sine":
+            swing, left = sine_response(times, bend, config.frequency_hz)
+            # the command is −cos: its first harmonic has phase π
+            numbers = {"phase_rad": float(np.angle(-swing)), "not_sine_share": left / max(abs(swing), 1e-300)}
+            return numbers | ({"gain_share": 2.0 * abs(swing) / abs(slow)} if slow else {})
+        if config.waveform == "table":
+            return {}
+        found = swings(config.record_s, bend[1:])[:MODES]
+        numbers = step_response(times, bend)
+        for k, (frequency, ratio) in enumerate(found, start=1):
+            numbers |= {f"mode_{k}_frequency_hz": frequency, f"mode_{k}_damping_ratio": ratio}
+        return numbers
+
+    def _slow_span(self, simulation: Simulation, full: dict[str, float]) -> float:
+        """Change of the bend from no to full actuation where the chain has all the time it needs."""
+        start, ends = simulation.snapshot(), []
+        for share in (0.0, 1.0):
+            simulation.apply(Inputs({name: share * value for name, value in full.items()}))
+            ends.append(simulation.settle().joint_angles)
+        simulation.restore(start)
+        low, high = _bend(simulation.chain, np.array(ends))
+        return float(high - low)
+
+
+def _bend(chain: ChainModel, coordinates: Array) -> Array:
+    """(t,) the sum of main coordinates of (t, n, a)."""
+    return np.asarray(coordinates[:, :, ChainGeometry.of(chain).main].sum(axis=1))
+
+
+def _motion(simulation: Simulation, levels: list[Level]) -> list[Equilibrium]:
+    """The chain at each level's time: settled at the first, moved from there on.
+
+    A moving chain is not in equilibrium, so its residual is not a number. Laws are checked under what is commanded.
+    """
+    chain = simulation.chain
+    simulation.apply(levels[0].inputs)
+    found, efforts = [simulation.settle()], ChainStatics(chain).efforts
+    for before, level in zip(levels, levels[1:], strict=False):
+        simulation.apply(level.inputs)
+        held = simulation.advance(level.time_s - before.time_s)
+        q = simulation.snapshot().position.copy()
+        loads = Loads.of(chain, level.inputs)
+        outside = efforts.outside_domain(q, loads.actuation, level.time_s)
+        found.append(Equilibrium(q, simulation.markers(), float("nan"), held, None, 1, 0.0, tuple(outside)))
+    return found

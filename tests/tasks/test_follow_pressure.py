@@ -1,0 +1,144 @@
+"""Motion in time against closed forms: an oscillator, a dashpot, a beam; the numbers of a motion against known ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.mechanics.inertia import mass_matrix
+from pliant.pipeline.simulate import run_task
+from pliant.records.chain import ChainModel, Joint, default_base_rotation
+from pliant.records.design import MassProperties
+from pliant.records.rollout import TaskResult
+from pliant.testing.samples import linear_law
+from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.tasks.follow_pressure import FollowPressure, FollowPressureConfig
+from pliant_plugins.tasks.responses import step_response, swings
+
+LENGTH_M, FLEXURAL_N_M2, LINE_KG_M = 0.3, 2e-3, 0.1
+# Roots of cos x cosh x = −1: a beam clamped at one end (Timoshenko, Vibration Problems in Engineering).
+ROOTS = np.array([1.8751041, 4.6940911])
+BEAM_HZ = ROOTS**2 / (2 * np.pi * LENGTH_M**2) * np.sqrt(FLEXURAL_N_M2 / LINE_KG_M)
+STILL = Quasistatic(QuasistaticConfig())
+
+
+def beam(n: int, gain: float = 1e-6) -> ChainModel:
+    """A slender rod of n modules without gravity; its joints bend under pressure, each with stiffness EI / l."""
+    piece, along = LENGTH_M / n, np.array([1.0, 0.0, 0.0])
+
+    def rod(length: float) -> MassProperties:
+        mass = LINE_KG_M * length
+        across = mass * length**2 / 12
+        return MassProperties(mass, along * length / 2, np.diag([1e-3 * across, across, across]))
+
+    return ChainModel(
+        joints=tuple(Joint(0, along * (piece if i else piece / 2), np.eye(3)) for i in range(n)),
+        bodies=(rod(piece / 2), *[rod(piece)] * (n - 1), rod(piece / 2)),
+        laws=(linear_law(gain=gain, stiffness=FLEXURAL_N_M2 / piece),),
+        tip_offset_m=along * piece / 2,
+        base_position_m=np.zeros(3),
+        base_rotation=default_base_rotation(),
+        gravity_m_s2=np.zeros(3),
+    )
+
+
+def perform(
+    chain: ChainModel, engine: PhysicsBackend, *effects: ViscousDamping, **task: object
+) -> TaskResult:
+    config = FollowPressureConfig.model_validate({"pressure": "1 kPa", **task})
+    return run_task(engine, FollowPressure(config), effects, chain)
+
+
+def own_dynamics(timestep_s: float) -> Mujoco:
+    return Mujoco(MujocoConfig(timestep_s=timestep_s, joint_damping=0.0, drag_1_s=0.0))
+
+
+def frequencies_hz(n: int) -> np.ndarray:
+    """The first two of small swings about the straight chain."""
+    chain = beam(n)
+    stiffness = FLEXURAL_N_M2 / (LENGTH_M / n) * np.eye(n)
+    squares = eigh(stiffness, mass_matrix(chain, np.zeros((n, 1))), eigvals_only=True)
+    return np.sqrt(squares[:2]) / (2 * np.pi)
+
+
+def test_frequencies_go_to_those_of_a_beam_in_second_order() -> None:
+    missed = np.array([frequencies_hz(n) / BEAM_HZ - 1.0 for n in (8, 16, 32)])
+    order = np.log2(missed[:-1] / missed[1:])
+    print(f"32 modules miss the beam's frequencies by {100 * missed[-1]} %, order of convergence {order[-1]}")
+    assert np.abs(missed[-1]).max() < 0.01
+    np.testing.assert_allclose(order, 2.0, atol=0.2)
+
+
+@pytest.mark.slow
+def test_a_released_chain_swings_with_the_beam_s_frequencies() -> None:
+    """In MuJoCo, from the bend of a pressure; both modes within 1 % of the beam."""
+    released = perform(
+        beam(32), own_dynamics(5e-4), waveform="release", duration="4 s", record="4 ms"
+    ).metrics
+    found = np.array([released[f"mode_{k}_frequency_hz"] for k in (1, 2)])
+    print(f"beam {BEAM_HZ} Hz, released chain {found} Hz")
+    np.testing.assert_allclose(found, BEAM_HZ, rtol=0.01)
+
+
+def test_a_dashpot_answers_a_step_as_an_exponential() -> None:
+    """No inertia: the bend goes as 1 − exp(−t/T), so from 10 to 90 % in T ln 9 and to 95 % in T ln 20."""
+    damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
+    numbers = perform(beam(3), STILL, damper, duration="2 s", record="5 ms").metrics
+    assert numbers["rise_time_s"] == pytest.approx(0.2 * np.log(9), rel=0.03)
+    assert numbers["settling_time_s"] == pytest.approx(0.2 * np.log(20), rel=0.03)
+    assert numbers["overshoot_share"] < 1e-3 and "mode_1_frequency_hz" not in numbers
+
+
+def test_a_dashpot_lags_a_sine_as_a_filter_of_first_order() -> None:
+    damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
+    sine = {"waveform": "sine", "frequency_hz": 1.0, "duration": "5 s", "record": "5 ms"}
+    numbers = perform(beam(3), STILL, damper, **sine).metrics
+    answer = 1 / (1 + 2j * np.pi * 0.2)
+    assert numbers["gain_share"] == pytest.approx(abs(answer), rel=0.02)
+    assert numbers["phase_rad"] == pytest.approx(np.angle(answer), abs=0.02)
+
+
+def test_a_chain_without_memory_follows_at_once() -> None:
+    table = {"waveform": "table", "table": [["0 s", 0], ["1 s", 1], ["2 s", 0.5]], "record": "100 ms"}
+    result = perform(beam(3), STILL, **table)
+    assert result.rollout is not None
+    shares = np.interp(result.rollout.time_s, [0, 1, 2], [0, 1, 0.5])
+    bend = result.rollout.joint_angles.sum(axis=(1, 2))
+    np.testing.assert_allclose(bend, shares * bend.max(), atol=1e-9)
+
+
+def test_numbers_of_known_motions() -> None:
+    time_s = np.linspace(0.0, 2.0, 1001)
+    known, motion = [(3.0, 0.05), (11.0, 0.02)], 0.3 * np.ones(1001)
+    for frequency, ratio in known:
+        decay = 2 * np.pi * frequency * ratio / np.sqrt(1 - ratio**2)
+        motion += np.exp(-decay * time_s) * np.cos(2 * np.pi * frequency * time_s) / frequency
+    np.testing.assert_allclose(swings(0.002, motion), known, rtol=1e-6)
+    assert swings(0.002, np.exp(-time_s)) == [] and swings(0.002, np.ones(1001)) == []
+    # second order: overshoot exp(−πζ/√(1 − ζ²))
+    ratio, rate = 0.3, 20.0
+    damped = rate * np.sqrt(1 - ratio**2)
+    envelope = np.exp(-ratio * rate * time_s)
+    way = 1 - envelope * (np.cos(damped * time_s) + ratio * rate / damped * np.sin(damped * time_s))
+    expected = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
+    assert step_response(time_s, way)["overshoot_share"] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"waveform": "table"}, "give 'table' with"),
+        ({"table": [["0 s", 0]]}, "give 'table' with"),
+        ({"waveform": "table", "table": [["1 s", 0], ["1 s", 1]]}, "should increase"),
+        ({"duration": "1 h", "record": "1 ms"}, "are more than"),
+    ],
+)
+def test_what_is_no_motion_is_refused(given: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        FollowPressureConfig.model_validate({"pressure": "1 kPa", **given})
