@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from pliant.interfaces.effect import Model
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.inertia import mass_matrix
 from pliant.pipeline.simulate import run_task
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import MassProperties
+from pliant.records.history import History
 from pliant.records.rollout import TaskResult
 from pliant.testing.samples import linear_law
 from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
@@ -79,7 +81,7 @@ def test_frequencies_go_to_those_of_a_beam_in_second_order() -> None:
 def test_a_released_chain_swings_with_the_beam_s_frequencies() -> None:
     """In MuJoCo, from the bend of a pressure; both modes within 1 % of the beam."""
     released = perform(
-        beam(32), own_dynamics(5e-4), waveform="release", duration="4 s", record="4 ms"
+        beam(32), own_dynamics(5e-4), pressure="100 Pa", waveform="release", duration="4 s", record="4 ms"
     ).metrics
     found = np.array([released[f"mode_{k}_frequency_hz"] for k in (1, 2)])
     print(f"beam {BEAM_HZ} Hz, released chain {found} Hz")
@@ -97,20 +99,39 @@ def test_a_dashpot_answers_a_step_as_an_exponential() -> None:
 
 def test_a_dashpot_lags_a_sine_as_a_filter_of_first_order() -> None:
     damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
-    sine = {"waveform": "sine", "frequency_hz": 1.0, "duration": "5 s", "record": "5 ms"}
+    sine = {"waveform": "sine", "period": "1 s", "duration": "4 s", "record": "10 ms"}
     numbers = perform(beam(3), STILL, damper, **sine).metrics
     answer = 1 / (1 + 2j * np.pi * 0.2)
-    assert numbers["gain_share"] == pytest.approx(abs(answer), rel=0.02)
-    assert numbers["phase_rad"] == pytest.approx(np.angle(answer), abs=0.02)
+    assert numbers["gain_share"] == pytest.approx(abs(answer), rel=0.03)
+    assert numbers["phase_rad"] == pytest.approx(np.angle(answer), abs=0.04)
 
 
 def test_a_chain_without_memory_follows_at_once() -> None:
-    table = {"waveform": "table", "table": [["0 s", 0], ["1 s", 1], ["2 s", 0.5]], "record": "100 ms"}
+    table = {"waveform": "table", "times": ["0 s", "1 s", "2 s"], "shares": [0, 1, 0.5], "record": "100 ms"}
     result = perform(beam(3), STILL, **table)
     assert result.rollout is not None
     shares = np.interp(result.rollout.time_s, [0, 1, 2], [0, 1, 0.5])
     bend = result.rollout.joint_angles.sum(axis=(1, 2))
     np.testing.assert_allclose(bend, shares * bend.max(), atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_task_moves_as_the_evidence_loop_s_histories_do() -> None:
+    """The same pressures with a dashpot: through the task's simulation, and through `follow`, which compares."""
+    damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
+    rise = {
+        "waveform": "table",
+        "times": ["0 s", "0.5 s"],
+        "shares": [0.2, 1],
+        "duration": "1 s",
+        "record": "20 ms",
+    }
+    result = perform(beam(3), STILL, damper, **rise)
+    assert result.rollout is not None
+    history = History.of({"pressure_pa": result.rollout.actuation[:, 0]}, result.rollout.time_s)
+    ((followed,), _) = STILL.follow(damper.apply(Model(beam(3))).chain, [history])
+    moved = np.ptp(followed.joint_angles)
+    np.testing.assert_allclose(result.rollout.joint_angles, followed.joint_angles, atol=1e-6 * moved)
 
 
 def test_numbers_of_known_motions() -> None:
@@ -133,9 +154,10 @@ def test_numbers_of_known_motions() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"waveform": "table"}, "give 'table' with"),
-        ({"table": [["0 s", 0]]}, "give 'table' with"),
-        ({"waveform": "table", "table": [["1 s", 0], ["1 s", 1]]}, "should increase"),
+        ({"waveform": "table"}, "give 'times' and 'shares' with"),
+        ({"times": ["0 s"], "shares": [0]}, "give 'times' and 'shares' with"),
+        ({"waveform": "table", "times": ["0 s", "1 s"], "shares": [1]}, "2 'times' have 1 'shares'"),
+        ({"waveform": "table", "times": ["1 s", "1 s"], "shares": [0, 1]}, "should increase"),
         ({"duration": "1 h", "record": "1 ms"}, "are more than"),
     ],
 )

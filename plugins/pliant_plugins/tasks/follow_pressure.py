@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs, TaskResult
-from pliant.units import Frequency, Time
+from pliant.units import Time
 from pliant_plugins.tasks.levels import MEASURED, Level, result_of
 from pliant_plugins.tasks.ramp import ActuatedConfig
 from pliant_plugins.tasks.responses import sine_response, step_response, swings
@@ -34,14 +35,15 @@ class FollowPressureConfig(ActuatedConfig):
     kind: Literal["follow_pressure"] = "follow_pressure"
     waveform: Literal["step", "release", "sine", "table"] = Field(
         default="step",
-        description="of the actuation: from 0 to its full value at once; from there to 0; (1 − cos 2πft)/2 of it; or "
-        "the 'table'",
+        description="of the actuation: from 0 to its full value at once; from there to 0; (1 − cos(2πt/period))/2 of it; "
+        "or 'shares' of it at 'times'",
     )
-    table: tuple[tuple[Time, float], ...] = Field(
+    times_s: tuple[Time, ...] = Field(default=(), description="of the table, increasing")
+    shares: tuple[float, ...] = Field(
         default=(),
-        description="times and shares of the full actuation, straight lines between: [[0 s, 0], [2 s, 1], [5 s, 0.4]]",
+        description="of the full actuation at these times, straight lines between, the last one held",
     )
-    frequency_hz: Frequency = Field(default=1.0, gt=0.0, description="of the sine")
+    period_s: Time = Field(default=1.0, gt=0.0, description="of the sine")
     duration_s: Time = Field(default=2.0, gt=0.0, description="of the motion")
     record_s: Time = Field(
         default=0.01, gt=0.0, description="from sample to sample; the actuation changes at samples"
@@ -49,10 +51,15 @@ class FollowPressureConfig(ActuatedConfig):
 
     @model_validator(mode="after")
     def _table(self) -> FollowPressureConfig:
-        if (self.waveform == "table") != bool(self.table):
-            raise ValueError("give 'table' with 'waveform: table', and only there")
-        if any(b[0] <= a[0] for a, b in zip(self.table, self.table[1:], strict=False)):
-            raise ValueError("the times of 'table' should increase")
+        given = (bool(self.times_s), bool(self.shares))
+        if given != (self.waveform == "table",) * 2:
+            raise ValueError("give 'times' and 'shares' with 'waveform: table', and only there")
+        if len(self.times_s) != len(self.shares):
+            raise ValueError(
+                f"{len(self.times_s)} 'times' have {len(self.shares)} 'shares': give one for each"
+            )
+        if any(b <= a for a, b in pairwise(self.times_s)):
+            raise ValueError("'times' should increase")
         if self.duration_s / self.record_s > MOST_SAMPLES:
             raise ValueError(
                 f"{self.duration_s / self.record_s:.0f} samples are more than {MOST_SAMPLES}: give a longer 'record' "
@@ -60,17 +67,16 @@ class FollowPressureConfig(ActuatedConfig):
             )
         return self
 
-    def times(self) -> Array:
+    def clock(self) -> Array:
         """(t,) s, from 0 on."""
         return self.record_s * np.arange(max(1, round(self.duration_s / self.record_s)) + 1)
 
-    def shares(self, time_s: Array) -> Array:
+    def shares_at(self, time_s: Array) -> Array:
         """(t,) of the full actuation; the first is what the chain has settled at."""
         if self.waveform == "sine":
-            return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * self.frequency_hz * time_s)))
+            return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * time_s / self.period_s)))
         if self.waveform == "table":
-            times, shares = np.array(self.table).T
-            return np.interp(time_s, times, shares)
+            return np.interp(time_s, self.times_s, self.shares)
         later = (time_s > 0.0).astype(float)
         return later if self.waveform == "step" else 1.0 - later
 
@@ -93,8 +99,8 @@ class FollowPressure(Task):
 
     def run(self, simulation: Simulation) -> TaskResult:
         config, chain = self.config, simulation.chain
-        full, times = config.actuation(chain), config.times()
-        shares = config.shares(times)
+        full, times = config.actuation(chain), config.clock()
+        shares = config.shares_at(times)
         levels = [
             Level(t, Inputs({name: share * value for name, value in full.items()}), f"{t:g} s")
             for t, share in zip(times.tolist(), shares.tolist(), strict=True)
@@ -108,7 +114,7 @@ class FollowPressure(Task):
     def _numbers(self, times: Array, bend: Array, slow: float) -> dict[str, Any]:
         config = self.config
         if config.waveform == "sine":
-            swing, left = sine_response(times, bend, config.frequency_hz)
+            swing, left = sine_response(times, bend, 1.0 / config.period_s)
             # the command is −cos: its first harmonic has phase π
             numbers = {"phase_rad": float(np.angle(-swing)), "not_sine_share": left / max(abs(swing), 1e-300)}
             return numbers | ({"gain_share": 2.0 * abs(swing) / abs(slow)} if slow else {})
@@ -144,9 +150,9 @@ def _motion(simulation: Simulation, levels: list[Level]) -> list[Equilibrium]:
     chain = simulation.chain
     simulation.apply(levels[0].inputs)
     found, efforts = [simulation.settle()], ChainStatics(chain).efforts
-    for before, level in zip(levels, levels[1:], strict=False):
+    for before, level in pairwise(levels):
         simulation.apply(level.inputs)
-        held = simulation.advance(level.time_s - before.time_s)
+        held = simulation.advance(level.time_s - before.time_s) and found[0].converged
         q = simulation.snapshot().position.copy()
         loads = Loads.of(chain, level.inputs)
         outside = efforts.outside_domain(q, loads.actuation, level.time_s)

@@ -6,8 +6,9 @@ import numpy as np
 
 from pliant.records.design import Array
 
-# Samples that the pencil takes, and the share of the largest singular value that still is a mode.
-MOST_SAMPLES, FAINTEST = 400, 1e-6
+# Samples that the pencil takes; the shares of the largest singular value, and of the largest swing, that still are a
+# mode.
+MOST_SAMPLES, FAINTEST, SMALLEST = 400, 1e-5, 1e-3
 
 
 def swings(time_step_s: float, signal: Array) -> list[tuple[float, float]]:
@@ -15,20 +16,26 @@ def swings(time_step_s: float, signal: Array) -> list[tuple[float, float]]:
 
     By the matrix pencil: the signal is a sum of decaying exponentials, a constant among them, and the poles are the
     eigenvalues that take its Hankel matrix one sample on (Hua & Sarkar, IEEE Trans. ASSP 38, 1990). Long signals are
-    thinned to every k-th sample. Modes that do not swing, or grow from noise, are left out.
+    thinned to every k-th sample. Modes that do not swing, grow from noise or are very small are left out.
     """
     every = max(1, len(signal) // MOST_SAMPLES)
     taken = signal[::every]
     count = len(taken) // 2
-    if count < 3 or np.ptp(taken) == 0.0:
+    if count < 3 or np.ptp(taken) == 0.0 or not np.isfinite(taken).all():
         return []
     hankel = np.lib.stride_tricks.sliding_window_view(taken, count + 1)
     _, sizes, rows = np.linalg.svd(hankel, full_matrices=False)
     kept = rows[sizes > FAINTEST * sizes[0]].T
     poles = np.linalg.eigvals(np.linalg.pinv(kept[:-1]) @ kept[1:])
-    rates = np.log(poles[(np.abs(poles) > 0.0) & (poles.imag > 1e-9)]) / (every * time_step_s)
+    powers = poles[None, :] ** np.arange(len(taken))[:, None]
+    sizes = np.abs(np.linalg.lstsq(powers, taken.astype(complex), rcond=None)[0])
+    swinging = (np.abs(poles) > 0.0) & (poles.imag > 1e-9)
+    if not swinging.any():
+        return []
+    seen = swinging & (sizes >= SMALLEST * sizes[swinging].max())
+    rates = np.log(poles[seen]) / (every * time_step_s)
     found = [(float(r.imag / (2 * np.pi)), float(-r.real / abs(r))) for r in rates]
-    return sorted(one for one in found if 0.0 <= one[1] < 0.99)
+    return sorted(one for one in found if 0.0 <= one[1] < 0.99 and np.isfinite(one[0]))
 
 
 def step_response(time_s: Array, signal: Array, tail: float = 0.1) -> dict[str, float]:
@@ -39,7 +46,7 @@ def step_response(time_s: Array, signal: Array, tail: float = 0.1) -> dict[str, 
     """
     end = float(np.mean(signal[-max(1, int(tail * len(signal))) :]))
     span = end - float(signal[0])
-    if span == 0.0:
+    if span == 0.0 or not np.isfinite(signal).all():
         return {}
     way = (signal - signal[0]) / span
     numbers = {"overshoot_share": max(0.0, float(way.max()) - 1.0)}
