@@ -42,12 +42,8 @@ from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
-from pliant.formatting import displayed_in
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.inverse.statics import InverseStatics
-from pliant.measurements.block import asked
-from pliant.measurements.files import read_measurements
-from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
@@ -68,8 +64,7 @@ from pliant.records.measurement import Measurement
 from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
-from pliant.report.document import Document
-from pliant.report.importing import import_document
+from pliant.report.importing import read as read
 from pliant.search.stage import search_study
 from pliant.store.store import Artifact, ArtifactStore
 
@@ -123,7 +118,7 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
         opened: the study.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead, one for each CPU by default; 1 solves in this process.
+        workers: processes of our own instead; 1 solves in this process. By default the study's, or one for each CPU.
 
     A script that starts processes needs `if __name__ == "__main__":`.
     """
@@ -223,7 +218,7 @@ def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = 
         opened: the study; it has `search`.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead, one for each CPU by default; 1 evaluates in this process.
+        workers: processes of our own instead; 1 evaluates in this process. By default the study's, or one for each CPU.
 
     Raises:
         UserError: the study cannot be searched.
@@ -231,27 +226,6 @@ def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = 
     """
     result: SearchResult = search_study(opened.bench, opened.study, executor=executor, workers=workers).value
     return result
-
-
-def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
-    """A recording without a study, and how it was understood: `pliant import`.
-
-    Args:
-        files: a path, a pattern, a pandas frame, or several, which are runs in their order.
-        notes: keys of a `measurements` block but `file`, before the YAML beside each file.
-
-    Raises:
-        UserError: what cannot be read, or must be asked; the message then ends in the block with the lines to choose.
-    """
-    sources = files if isinstance(files, list | tuple) else [files]
-    named = [str(file) for file in sources if isinstance(file, str | Path)]
-    block = {**({"file": named[0] if len(named) == 1 else named} if named else {}), **notes}
-    try:
-        measurement = read_measurements(files, notes)
-    except UserError as error:
-        raise asked(error, block) from None
-    with displayed_in(units_as_written(measurement)):
-        return measurement, import_document(measurement, block)
 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
@@ -273,20 +247,20 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
 
 
 def compare_counts(
-    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = 1
+    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = None
 ) -> CountComparison:
     """The study's task against a file of successes and trials: `pliant compare` on counts."""
     counted = counted_study(opened.study, None if data is None else Path(data))
-    return compare_counted(opened.bench, counted, workers)
+    return compare_counted(opened.bench, counted, opened.study.who_works(workers, 1))
 
 
 def diagnose(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = None
 ) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
     own = own_runs(opened.study, model.chain, model.measurement)
-    return diagnose_with(model, kinds=kinds, runs=own, workers=workers)
+    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.who_works(workers, 1))
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
@@ -302,7 +276,7 @@ def improve(
     kinds: Sequence[str] | None = None,
     learned: bool = False,
     named_only: bool = False,
-    workers: Workers = 1,
+    workers: Workers = None,
 ) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`; `learned`: with a learned term as its last step."""
     measurement = read_measurement(opened, data)
@@ -313,7 +287,7 @@ def improve(
         kinds=kinds,
         learned=learned,
         named_only=named_only,
-        workers=workers,
+        workers=opened.study.who_works(workers, 1),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,14 +119,18 @@ def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
 
 def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
     model = _fitted(desk, "actuation_gain")
-    saved = Path(desk.save()["path"])
+    said = desk.save()
+    saved = Path(said["path"])
+    assert shlex.split(said["commands"])[:2] == ["pliant", "extend"] and "actuation_gain" in said["commands"]
     opened = api.open_study(saved, store=bench / "store")
     assert [effect.canonical() for effect in opened.study.effects] == [dict(one) for one in model["effects"]]
     assert opened.study.posterior is not None
     assert np.isclose(api.compare(opened).outputs["angle_rad"].rmse, _rmse(desk), rtol=1e-6)
     by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
     desk.step(by_hand, [], "by hand")
-    again = api.open_study(desk.save("mine")["path"], store=bench / "store")
+    mine = desk.save("my own")
+    assert shlex.split(mine["commands"]) == ["pliant", "compare", mine["path"]]
+    again = api.open_study(mine["path"], store=bench / "store")
     assert again.study.effects[0].canonical()["gain"] == 1.1
     assert again.study.posterior is None
 

@@ -126,6 +126,7 @@ def _ramp(simulation: Simulation, duration_s: float) -> None:
         simulation.step(published.STEP_S)
 
 
+@pytest.mark.slow
 def test_a_short_rod_settles_where_the_chain_does() -> None:
     pytest.importorskip("elastica")
     short = [spec._replace(modules=1) for spec in helix.SEGMENTS]

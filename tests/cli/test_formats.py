@@ -92,7 +92,7 @@ def test_the_page_has_every_verb_with_json():
     assert set(KEYS) - set(PUBLISHED) == set(CALLS) == set(VERBS) - {"view", "app"}
 
 
-@pytest.mark.parametrize("verb", slow_among(CALLS, "fem", "compare", "plan", "improve"))
+@pytest.mark.parametrize("verb", slow_among(CALLS, "fem", "compare", "plan", "improve", "check"))
 def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("PLIANT_STORE", raising=False)

@@ -5,6 +5,7 @@ import time
 import tracemalloc
 
 import pytest
+from tests.slow import slow_among
 
 from pliant.config import yaml_file
 from pliant.config.loading import load_study, with_override
@@ -46,7 +47,7 @@ HOSTILE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", slow_among(HOSTILE, "many keys", "a long list"))
 def test_a_hostile_study_is_refused_soon_in_little_memory_and_few_words(tmp_path, name):
     text, words = HOSTILE[name]
     (tmp_path / "study.yaml").write_text(STUDY + text)

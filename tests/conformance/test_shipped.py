@@ -17,6 +17,7 @@ AT_ONCE = {
     "meta_model": (),
     "physics": ("quasistatic", "mujoco"),
     "optimizer": ("cmaes",),
+    "task": ("free_bending", "tip_load", "helical_hang", "tendon_finger", "follow_shape", "grasp"),
 }
 
 

@@ -85,11 +85,13 @@ def test_without_repeats_nothing_is_called_noise(tmp_path):
     assert any("may still be noise" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_no_more_effects_than_asked_for(tmp_path):
     found = improved(tmp_path, effect("viscoelastic"), most_steps=0)
     assert added(found) == [] and found.stop == "most_steps"
 
 
+@pytest.mark.slow
 def test_locked_readings_decide_nothing(creeping):
     """Nonsense in the runs that are put aside changes what is reported, never what is chosen."""
     model, measurement, first = creeping
@@ -115,6 +117,15 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
     assert found.stop == "nothing_missing"
     assert any("still" in remark and "in no other run" in remark for remark in found.remarks)
     assert "noise, " not in found.reason and "and yet it is" in found.reason
+
+
+@pytest.fixture(scope="module")
+def walked(creeping):
+    """A walk that stands where its first diagnosis is made."""
+    model, measurement, _ = creeping
+    walk = _Walk(BENCH, model, measurement, FEW, None, 1)
+    walk._diagnose()
+    return walk
 
 
 @pytest.mark.parametrize(
@@ -149,16 +160,14 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
         ("no_gain", 1.5, 1.0, "Own words."),
     ],
 )
-def test_the_closing_sentence_is_about_what_is_left(creeping, stop, locked, training, begins):
+def test_the_closing_sentence_is_about_what_is_left(creeping, walked, stop, locked, training, begins):
     """The same verdict reads otherwise where the error on the runs put aside is down at the noise."""
-    model, measurement, found = creeping
-    walk = _Walk(BENCH, model, measurement, FEW, None, 1)
-    walk._diagnose()
+    found = creeping[2]
     noise = NoiseView({}, 200.0, 1.0, True, 1.0)
     last = replace(
         found.steps[-1], locked=Score({}, locked, 100), training=Score({}, training, 100), locked_se=0.06
     )
-    said = walk._closing(stop, "Own words." if stop == "no_gain" else "", last, noise)
+    said = walked._closing(stop, "Own words." if stop == "no_gain" else "", last, noise)
     assert said.startswith(begins)
 
 

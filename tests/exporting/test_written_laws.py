@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.exporting.alone import run_alone
+from tests.slow import slow_among
 from tests.surrogates.laws import STATED, WAVY, energy_law, network_law, with_a_box
 
 from pliant.errors import UserError
@@ -71,7 +72,7 @@ def test_numpy_alone(name, tmp_path) -> None:
     require_the_law(LAWS[name], of_module(LAWS[name], "numpy", tmp_path))
 
 
-@pytest.mark.parametrize("name", ["polynomial", "table", "network"])
+@pytest.mark.parametrize("name", slow_among(["polynomial", "table", "network"], "table", "network"))
 def test_torch_alone_and_its_own_gradient(name, tmp_path) -> None:
     if importlib.util.find_spec("torch") is None:
         pytest.skip("torch is not installed: pip install 'pliant[torch]'")

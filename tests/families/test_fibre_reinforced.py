@@ -89,6 +89,7 @@ def test_the_sheet_bends_the_tube_and_keeps_its_length() -> None:
     assert abs(stiff.axial_strain) < 0.2 * soft.axial_strain
 
 
+@pytest.mark.slow
 def test_threads_around_a_tube_keep_it_slim() -> None:
     growth = []
     for thread in ("0.001 N", "500 N"):
@@ -99,6 +100,7 @@ def test_threads_around_a_tube_keep_it_slim() -> None:
     assert growth[1] < 0.2 * growth[0]
 
 
+@pytest.mark.slow
 def test_the_length_of_a_module_does_not_matter() -> None:
     short, long = (free(100.0, 50e3, module_length=length) for length in ("5 mm", "20 mm"))
     assert long.angle_rad == pytest.approx(4 * short.angle_rad, rel=1e-6)

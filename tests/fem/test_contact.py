@@ -158,6 +158,7 @@ def test_contact_has_exact_derivatives_and_a_symmetric_tangent() -> None:
     assert np.allclose(here.border[-G:], here.border[-G:].T, rtol=1e-12, atol=0)
 
 
+@pytest.mark.slow
 def test_before_they_touch_nothing_is_changed() -> None:
     """Bit for bit: unknowns, effort, slopes, energy."""
     problem = thin_bellow()

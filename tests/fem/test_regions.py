@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from pliant.errors import UserError
+from pliant.meshing.grids import block as positions
+from pliant.meshing.grids import grid_cells, grid_faces, module_sets, numbered
+from pliant.meshing.hexahedra import CENTRE, boundary_faces
 from pliant.meshing.masses import half_masses, meshed_mass
 from pliant.meshing.stacking import mirrored_mesh, moved_mesh, welded_meshes
-from pliant.records.fem import ModuleProblem
-from pliant.testing.box import Y, Z, box_problem, layered_box_problem
+from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.testing.box import Y, Z, box_problem, layered_box_problem, tetrahedral
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
@@ -36,6 +41,7 @@ def test_a_region_of_the_bodys_own_material_changes_no_bit() -> None:
     assert (a.moment_n_m, a.energy_j, a.dmoment_du) == (b.moment_n_m, b.energy_j, b.dmoment_du)
 
 
+@pytest.mark.slow
 def test_two_halves_that_are_half_as_stiff_are_one_region_half_as_stiff() -> None:
     problem = box_problem()
     cells = np.arange(len(problem.mesh.cells))
@@ -72,6 +78,31 @@ def test_small_bends_are_those_of_a_composite_beam(floor: float, dilatation: str
     bending, _ = composite(floor)
     rest = solver(layered_box_problem(), floor, dilatation=dilatation).rest()
     assert rest.dmoment_du == pytest.approx(-bending / (2 * box_problem().span_m), rel=1e-6)
+
+
+@pytest.mark.parametrize("cut", [tetrahedral, lambda mesh: mesh], ids=["tetrahedra", "hexahedra"])
+def test_a_confined_laminate_has_a_closed_form(cut: Callable[[ModuleMesh], ModuleMesh]) -> None:
+    """Pressed to 3/4 between walls, F is diag(λ, 1, 1) in each layer with one P_xx; volume and pressure jump."""
+    soft, hard, length = rubber(), rubber(10.0), 2e-3
+    nodes, ids = numbered(positions(*(np.linspace(0, size, 5) for size in (length, 2e-3, 2e-3))))
+    cells = grid_cells(ids)
+    layer = np.flatnonzero(nodes[cells[:, CENTRE], 0] < length / 2)
+    sets = {**module_sets(nodes, length), "all": np.arange(len(nodes))}
+    whole = ModuleMesh(nodes, cells, grid_faces(ids[:, 0]), boundary_faces(cells)[0], sets, {"layer": layer})
+    fixed = {"start": (0,), "end": (0,), "all": (1, 2)}
+    problem = ModuleProblem(
+        cut(whole), length, 0.0, 1.0, 1.0, fixed, axes=("x",), main_axis="x", joint="prismatic"
+    )
+    fem = SkfemConfig(pressure_max_pa=PRESSURE_PA, dilatation="continuous", tolerance=1e-10)
+    made = Skfem(fem).solver(problem, soft.with_regions({"layer": hard}))
+    state = made.constrained(0.0, -length / 4, made.rest())
+
+    def stress(material: NeoHookean, stretch: float) -> float:
+        return float(material.evaluate(np.diag([stretch, 1.0, 1.0])).stress[0, 0])
+
+    stretch = brentq(lambda s: stress(soft, s) - stress(hard, 1.5 - s), 0.5, 1.0, xtol=1e-15)
+    # the effort opposes what the laminate's stress does
+    assert state.moment_n_m == pytest.approx(-4e-6 * stress(soft, stretch), rel=1e-8)
 
 
 def test_a_composite_bar_is_as_stiff_as_the_sum() -> None:

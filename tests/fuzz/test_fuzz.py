@@ -4,12 +4,13 @@ import pytest
 from tests.fuzz.judge import LONGEST_S, verdict
 from tests.fuzz.run import case, finds, kept
 from tests.fuzz.targets import Target, targets
+from tests.slow import slow_among
 
 CASES, PARTS = 2000, 4
 TARGETS = {target.name.replace(" ", "_"): target for target in targets()}
 
 
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize("part", slow_among(range(PARTS), *range(1, PARTS)))
 def test_damaged_inputs_are_answered(part):
     broken = [(number, wrong) for number, _, _, wrong in finds(range(part, CASES, PARTS), seed=0)]
     assert broken == [], "python -m tests.fuzz.run --only NUMBER shows one"

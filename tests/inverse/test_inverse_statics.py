@@ -65,7 +65,7 @@ def test_a_backbone_a_direction_and_a_push_are_reached() -> None:
 def test_out_of_reach_is_said_with_the_closest_that_there_is() -> None:
     simulation = built(finger())
     inverse = InverseStatics(simulation, BOUNDS)
-    pressures = np.linspace(0.0, 15e3, 4001)
+    pressures = np.linspace(0.0, 15e3, 1001)
     tips = np.array([at(simulation, {"pressure_pa": p}).markers_m[-1] for p in pressures])
     random = np.random.default_rng(4)
     for _ in range(20):
@@ -170,6 +170,7 @@ task: {kind: reach, tip: [59.451 mm, 0 mm, -7.889 mm]}
 """
 
 
+@pytest.mark.slow
 def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
     """contracts.md: eight modules at 15 kPa without gravity have their tip at (0.059451, 0, −0.007889) m."""
     (tmp_path / "finger.yaml").write_text(STUDY)

@@ -140,6 +140,11 @@ def test_a_recording_is_taken_as_files_as_it_was_read_and_as_a_frame(stated: Stu
         for data in (None, file, [file], read, read.record, read.to_frame())
     ]
     assert errors == pytest.approx([errors[0]] * len(errors), rel=1e-9)
-    with pytest.raises(UserError, match="give 'data' as paths"):
-        stated.extend("stiffness", data=read, out=stated.path.with_name("new.yaml"))
-    assert not stated.path.with_name("new.yaml").exists()
+    new = stated.path.with_name("new.yaml")
+    for unnamed in (read.to_frame(), [read.to_frame()], pliant.read(file, sigma={"angle_rad": "1 deg"})):
+        with pytest.raises(UserError, match="give 'data' as paths"):
+            stated.extend("stiffness", data=unnamed, out=new)
+        assert not new.exists()
+    found = stated.extend("stiffness", data=read, out=new)
+    (written,) = pliant.open(new).config.effects
+    assert written.kind == "stiffness" and written.factor == pytest.approx(found.effects[0].factor, rel=1e-2)

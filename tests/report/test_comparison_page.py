@@ -62,6 +62,7 @@ def test_awkward_measurements_have_a_page(case):
     assert "runs" in made.pictures
 
 
+@pytest.mark.slow
 def test_many_runs_and_many_samples_stay_readable():
     """Fifteen runs of a thousand samples: no more than 12 are drawn, and the page stays small."""
     settings = [(5e3, k * 1e-3) for k in range(15)]

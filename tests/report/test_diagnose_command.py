@@ -24,6 +24,7 @@ def run(*words):
     return CliRunner().invoke(app, ["diagnose", str(STUDY), *FEW, *words])
 
 
+@pytest.mark.slow
 def test_the_page_stands_in_the_folder_that_was_asked_for_without_pictures_of_another_verdict(workplace):
     pictures = workplace / "here" / "pictures"
     pictures.mkdir(parents=True)

@@ -38,6 +38,7 @@ def test_a_comparison_answers_four_questions_before_its_first_picture():
     assert "falling pressure: 8" in check_sound(made).lower()
 
 
+@pytest.mark.slow
 def test_an_improvement_answers_them_and_its_reasons_are_text(creeping):  # noqa: F811
     _, measurement, found = creeping
     made = page(improvement_document("finger", measurement, found, REGISTRY))

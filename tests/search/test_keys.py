@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import pytest
-from tests.search.search_studies import BASE, REGISTRY
+from tests.search.search_studies import BASE, REGISTRY, search_study
 
 from pliant.config.loading import load_study
 from pliant.config.study_keys import study_key
 from pliant.errors import InvalidDesignError, UserError
 from pliant.search.problem.study_setter import StudySetter
+from pliant.search.stage_keys import content_of
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/*.yaml"))
 
@@ -17,6 +18,12 @@ EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/*.yaml"))
 def study(tmp_path):
     (tmp_path / "a.yaml").write_text(BASE)
     return load_study(tmp_path / "a.yaml", REGISTRY)
+
+
+def test_who_works_is_in_no_key_of_a_search(tmp_path):
+    asked = "variables: {family.wall: {low: 1 mm, high: 2 mm}}\nobjective: tip_x"
+    one, two = (content_of(search_study(tmp_path, asked, BASE + who), ()) for who in ("", "workers: 2\n"))
+    assert one == two and "chain" in one
 
 
 @pytest.mark.parametrize(

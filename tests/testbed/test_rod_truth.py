@@ -9,6 +9,7 @@ from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, ROD, Array
 from benchmarks.evidence.rod_truth import ARM_M, CHANGES, PULL_N, STIFFNESS_N_M, Rod, fitted, follow
 from benchmarks.evidence.sets import SetSpec, make_set, signal
 from scipy.optimize import brentq
+from tests.slow import slow_among
 
 
 def angle(run: Run, **changes: float) -> Array:
@@ -63,7 +64,7 @@ def test_a_rod_is_late_drags_and_stops_as_its_fields_say() -> None:
     assert stopped[15] == pytest.approx(free[15], abs=1e-4) and free[-1] - stopped[-1] > 0.03
 
 
-@pytest.mark.parametrize("kind", sorted(CHANGES))
+@pytest.mark.parametrize("kind", slow_among(sorted(CHANGES), *sorted(CHANGES)[2:]))
 def test_effects_of_a_rod_reach_their_strength(kind: str) -> None:
     made = make_set(SetSpec(kind, 3, "rod", "rod", "coarse", snr=1.7))
     assert signal(made.clean, made.hidden, made.sigma) == pytest.approx(1.7, rel=0.05)

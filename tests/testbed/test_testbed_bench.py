@@ -200,6 +200,7 @@ def bench(
     return run
 
 
+@pytest.mark.slow
 def test_a_killed_bench_goes_on_where_it_was(bench: Callable[..., str], tmp_path: Path) -> None:
     lines = tmp_path / "evidence" / "full.jsonl"
     script = str(ROOT / "benchmarks" / "evidence" / "run_bench.py")

@@ -82,7 +82,7 @@ def test_worked_number_of_the_contract() -> None:
     assert [rolled[name][0] for name in TIPS] == pytest.approx([0, 0.088, 0], abs=1e-12)
 
 
-@pytest.mark.parametrize("engine", ALL)
+@pytest.mark.parametrize("engine", slow_among(ALL, *(set(ALL) - {"explicit"})))
 @pytest.mark.parametrize("pitch", [0.0, np.pi / 2])
 def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float) -> None:
     load, p = 0.5 * LOAD_N_M, 0.7 * PRESSURE_MAX_PA

@@ -184,6 +184,7 @@ def test_frames_between_the_recorded_ones():
     np.testing.assert_allclose(middle.rotations[1, 0], quarter, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_picture_shows_the_tip_on_the_side_to_which_it_bends(viewer):
     chain = rods(8)
     q = np.array([bent(chain, 0.0), bent(chain, 0.35)])

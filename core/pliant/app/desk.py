@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -245,27 +246,23 @@ class Desk:
         self.bench.stop()
 
     def save(self, name: str = "") -> dict[str, str]:
-        """Write the present model as a study; returns its path, its text and the commands that come to the same."""
+        """Write the present model as a study; returns its path, its text and a command."""
         with self._lock:
             model, now = self._now(), self.state.now
-            kinds = [str(one["kind"]) for one in now.effects]
             stem = name_of_file(Path(name)) if name else f"{name_of_file(model.path)}+page"
             target = self.folder.saved / f"{stem or 'study'}.yaml"
             known = self.folder.result(now.result) if now.result else None
             written = self.folder.results / str(known["study"]) if known and known.get("study") else None
-            if written is not None and written.exists():
+            fitted = written is not None and written.exists()
+            if written is not None and fitted:
                 write_atomically(target, written.read_text(encoding="utf-8"))
             else:
                 work.write_by_hand(target, model, now.effects)
-            files = " ".join(f"--data {file}" for file in model.data)
-            named = " ".join(f"--effect {kind}" for kind in kinds)
             return {
                 "name": target.name,
                 "path": str(target),
                 "yaml": target.read_text(encoding="utf-8"),
-                "commands": f"pliant extend {model.path} {named} {files}".strip()
-                if kinds
-                else f"pliant compare {model.path} {files}".strip(),
+                "commands": _command(model, target, known if fitted else None),
             }
 
     def report(self) -> str:
@@ -391,3 +388,13 @@ class Desk:
                 for one in document.data["columns"]
             ],
         }
+
+
+def _command(model: OpenModel, saved: Path, found: Mapping[str, Any] | None) -> str:
+    """What makes a fitted or improved study on the command line; what looks at a saved one that was set by hand."""
+    if found is None:
+        return shlex.join(["pliant", "compare", str(saved)])
+    data = [word for file in model.data for word in ("--data", str(file))]
+    named = [word for kind in found.get("kinds", ()) for word in ("--effect", str(kind))]
+    verb = ["improve"] if found["what"] == "improve" else ["extend"]
+    return shlex.join(["pliant", *verb, str(model.path), *(named if verb == ["extend"] else ()), *data])

@@ -125,7 +125,9 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     predictor = WatchedPredictor(base.bench, base.backend, base.chain, model.split.training, study.effects)
     predictor.stopped = task.stopped
     own = own_runs(study, predictor.chain, predictor.measurement)
-    found = diagnose_with(predictor, kinds=None, runs=own, tick=task.tick)
+    found = diagnose_with(
+        predictor, kinds=None, runs=own, tick=task.tick, workers=model.study.who_works(None, 1)
+    )
     protocol = _protocol(folder, key, model, found)
     document = diagnosis_document(
         study.name, model.split.training, found, model.bench.registry, next_file=protocol
@@ -163,7 +165,7 @@ def improve(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
     """`pliant improve` of the study, on all runs that are on; it puts the same runs aside."""
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
-    found = improve_with(model.bench, study, model.read, tick=task.tick)
+    found = improve_with(model.bench, study, model.read, tick=task.tick, workers=study.who_works(None, 1))
     file = ""
     if found.final is not None:
         file = _study_name(model, ["improved"], key)

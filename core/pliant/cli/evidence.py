@@ -9,7 +9,15 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.options import (
+    Fitters,
+    Overrides,
+    Scheduler,
+    StudyFile,
+    report_folder,
+    verb,
+    workers_or_scheduler,
+)
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
@@ -22,7 +30,6 @@ from pliant.errors import UserError
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
 from pliant.evidence.prediction import Predictor, measurement_of_study
-from pliant.execution.executors import checked_workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
@@ -44,25 +51,11 @@ DataFile = Annotated[
         help="The measurement, instead of the one that the study names; several are read as one, in their order.",
     ),
 ]
-Workers = Annotated[
-    int,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        help="Processes that fit hypotheses or simulate the conditions of counts; 1 by default.",
-    ),
-]
 Candidates = Annotated[
     list[str] | None,
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
 NEXT_RUN = "next_run.csv"
-
-
-def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
-    """The option for the folder of a verb's report."""
-    text = f"Folder of the report; runs/<name>-{verb} by default."
-    return typer.Option(option, metavar="DIR", help=text)
 
 
 @verb()
@@ -72,16 +65,16 @@ def compare(
     overrides: Overrides = None,
     data: DataFile = None,
     out: Annotated[Path | None, report_folder("compare")] = None,
-    workers: Workers = 1,
+    workers: Fitters = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Model against measurements: errors, noise floor, where it fails."""
     loaded, bench = here.study(study, overrides), here.bench()
+    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
-    if (counted := _counted(here, loaded, data, workers)) is not None:
+    if (counted := _counted(here, loaded, data)) is not None:
         check_writable(folder)
-        here.show(
-            counts_document(loaded.name, counted.counts, compare_counted(bench, counted, workers)), folder
-        )
+        here.show(counts_document(loaded.name, counted.counts, compare_counted(bench, counted, who)), folder)
         return
     measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
@@ -101,12 +94,14 @@ def diagnose(
     data: DataFile = None,
     effect: Candidates = None,
     out: Annotated[Path | None, report_folder("diagnose")] = None,
-    workers: Workers = 1,
+    workers: Fitters = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Which physical effect is missing, how sure, what to measure next."""
     loaded, bench = here.study(study, overrides), here.bench()
+    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
-    if (counted := _counted(here, loaded, data, workers)) is not None:
+    if (counted := _counted(here, loaded, data)) is not None:
         ranges = loaded.measurements.plausible if loaded.measurements else ()
         parameters = [*effect_parameters(bench.registry, effect), *task_parameters(counted, ranges)]
         if not parameters:
@@ -114,7 +109,7 @@ def diagnose(
                 "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
             )
         check_writable(folder)
-        evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], workers)
+        evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], who)
         judged = judge_counts(evidence)
         here.show(counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry), folder)
         return
@@ -124,7 +119,7 @@ def diagnose(
     check_writable(folder)
     own = own_runs(loaded, predictor.chain, measurement)
     with fitting_bar(here.progress, len(kinds)) as bar:
-        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
+        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     planned = found.next_run.planned if found.next_run is not None else None
     runs = [(NEXT_RUN, planned)] if planned is not None else []
@@ -142,7 +137,7 @@ def measurement_of(here: Session, bench: Workbench, study: Study, data: Sequence
     return measurement
 
 
-def _counted(here: Session, study: Study, data: Sequence[Path] | None, workers: int) -> CountedStudy | None:
+def _counted(here: Session, study: Study, data: Sequence[Path] | None) -> CountedStudy | None:
     """The study with its file of counts, which comes alone; None where it has readings."""
     alone = data[0] if data else None
     if not is_counted(study, alone):
@@ -152,7 +147,6 @@ def _counted(here: Session, study: Study, data: Sequence[Path] | None, workers: 
             f"{data[0]} is a file of counts, and {listed([str(file) for file in data[1:]])} would not be read; counts "
             "come in one file: put the rows together, or give one --data."
         )
-    checked_workers(workers)
     counted = counted_study(study, alone)
     here.measured(study, counted.counts)
     return counted

@@ -8,12 +8,11 @@ from typing import Annotated
 
 import typer
 
-from pliant import api
-from pliant.cli.evidence import report_folder
-from pliant.cli.options import check_target, verb
+from pliant.cli.options import check_target, report_folder, verb
 from pliant.cli.session import Session, check_writable
 from pliant.measurements.block import files_and_notes
 from pliant.measurements.study_file import write_study
+from pliant.report.importing import read
 
 FILES = typer.Argument(metavar="FILE... [KEY=VALUE]...", help="The recording, and notes: rate='25 Hz'.")
 
@@ -30,7 +29,7 @@ def import_(
     paths, notes = files_and_notes(files)
     if out is not None:
         check_target(study, out)
-    measurement, document = api.read(paths, notes)
+    measurement, document = read(paths, notes)
     folder = report or Path("runs") / f"{_plain_name(paths[0])}-import"
     check_writable(folder)
     here.show(document, folder)

@@ -8,8 +8,19 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, report_folder
-from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
+from pliant.cli.evidence import Candidates, DataFile, measurement_of
+from pliant.cli.options import (
+    Fitters,
+    Force,
+    Full,
+    Overrides,
+    Scheduler,
+    StudyFile,
+    check_target,
+    report_folder,
+    verb,
+    workers_or_scheduler,
+)
 from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import write_extended_study
@@ -48,11 +59,13 @@ def improve(
     force: Force = False,
     full: Full = False,
     learned: Learned = False,
-    workers: Workers = 1,
+    workers: Fitters = None,
+    scheduler: Scheduler = None,
     named_only: NamedOnly = False,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
     loaded = here.study(study, overrides)
+    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
     kinds = candidate_kinds(here.registry, effect or None)
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
@@ -69,7 +82,7 @@ def improve(
             learned=learned,
             named_only=named_only,
             tick=bar.tick,
-            workers=workers,
+            workers=who,
         )
     here.measured(loaded, measurement)
     here.result["final_study"] = str(study)

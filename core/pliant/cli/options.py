@@ -42,7 +42,11 @@ PluginFiles = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option("--workers", metavar="N", help="Processes that work; by default one for each CPU."),
+    typer.Option(
+        "--workers",
+        metavar="N",
+        help="Processes that work; by default the study's 'workers', or one for each CPU.",
+    ),
 ]
 Scheduler = Annotated[
     str | None,
@@ -52,7 +56,22 @@ Scheduler = Annotated[
         help="Work on a dask cluster instead: tcp://host:8786, or the scheduler's file.",
     ),
 ]
+Fitters = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        help="Processes that fit hypotheses or simulate the conditions of counts; by default the study's 'workers', "
+        "or this one alone.",
+    ),
+]
 DEFAULT_STORE = Path(".pliant/store")
+
+
+def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
+    """The option for the folder of a verb's report."""
+    text = f"Folder of the report; runs/<name>-{verb} by default."
+    return typer.Option(option, metavar="DIR", help=text)
 
 
 def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -10,8 +10,8 @@ import numpy as np
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, Workers, measurement_of, write_runs
-from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.evidence import Candidates, DataFile, measurement_of, write_runs
+from pliant.cli.options import Fitters, Overrides, Scheduler, StudyFile, verb, workers_or_scheduler
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.candidates import candidate_kinds
@@ -60,10 +60,12 @@ def plan(
     minutes: Minutes = None,
     effect: Candidates = None,
     out: Folder = None,
-    workers: Workers = 1,
+    workers: Fitters = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Which runs to do next: with data those that decide between the explanations left, without data a protocol."""
     loaded = here.study(study, overrides)
+    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
     if runs is not None and runs < 1:
         raise UserError(f"--runs is {runs}; it should be 1 or more.")
     if minutes is not None and not minutes > 0:
@@ -75,7 +77,7 @@ def plan(
     here.result |= {"study": loaded.name, "out": str(folder)}
     if data or loaded.measurements is not None:
         measurement = measurement_of(here, bench, loaded, data)
-        found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, workers)
+        found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, who)
         planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(chosen, 1) if one.planned]
         files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)
         here.show(plan_document(loaded.name, measurement, found, chosen, files, remark))
@@ -101,7 +103,7 @@ def _after(
     kinds: Sequence[str],
     runs: int,
     minutes: float,
-    workers: int,
+    who: int | str | None,
 ) -> tuple[Diagnosis, tuple[NextRun, ...], str]:
     """Runs that decide between what a diagnosis leaves; a sentence where several are left and no run helps."""
     predictor = Predictor.of_study(here.bench(), loaded, measurement)
@@ -110,7 +112,7 @@ def _after(
     if minutes < shortest:
         raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
     with fitting_bar(here.progress, len(kinds)) as bar:
-        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
+        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
     if found.verdict == "not_repeatable" and found.next_run is not None:
         return found, (found.next_run,), ""
     belief = Belief.of(found.fits, found.judgement.probability, found.noise)

@@ -14,6 +14,7 @@ from pliant.config.noise import NoiseConfig, UncertaintyConfig
 from pliant.config.posterior import PosteriorConfig
 from pliant.config.protocols import ProtocolConfig
 from pliant.config.search import SearchConfig
+from pliant.config.workers import WorkersConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -127,6 +128,10 @@ class Study(FrozenModel):
         (),
         description="runs that the bench can do, instead of the default menu (docs/plan_the_next_experiment.md)",
     )
+    workers: WorkersConfig | None = Field(
+        None,
+        description="who works: a number of processes, or a dask cluster (docs/run_a_sweep_on_a_cluster.md)",
+    )
 
     def need(self, key: str, what: str) -> Any:
         """The block `key`, or a `UserError` that says which command needs it."""
@@ -134,6 +139,12 @@ class Study(FrozenModel):
         if block is None:
             raise UserError(f"study '{self.name}' has no '{key}' block; {what} needs one.")
         return block
+
+    def who_works(self, asked: Any, otherwise: int | None = None) -> Any:
+        """Who was asked to, else whom `workers` names, else `otherwise`; None: a process for each CPU."""
+        if asked is not None:
+            return asked
+        return otherwise if self.workers is None else self.workers.who
 
     def unused(self) -> list[str]:
         """Keys that are set but that no stage of a run reads; those of a search are no part of one: `searched`."""
@@ -227,6 +238,8 @@ def normalised(raw: Mapping[str, Any]) -> dict[str, Any]:
             study[key] = []
         if isinstance(study.get(key), list):
             study[key] = [{"kind": b} if isinstance(b, str) else b for b in study[key]]
+    if isinstance(study.get("workers"), str):
+        study["workers"] = {"kind": study["workers"]}
     return study
 
 

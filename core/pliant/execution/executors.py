@@ -128,7 +128,9 @@ class DaskExecutor(FuturesExecutor):
         try:
             distributed = importlib.import_module("distributed")  # by name: only work on a cluster needs it
         except ImportError:
-            raise MissingDependencyError("--scheduler needs dask: pip install 'pliant[cluster]'.") from None
+            raise MissingDependencyError(
+                "work on a dask cluster needs dask: pip install 'pliant[cluster]'."
+            ) from None
         address = scheduler if "://" in scheduler else _address_in(Path(scheduler))
         try:
             self._client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
@@ -204,7 +206,7 @@ def _address_in(file: Path) -> str:
     except (OSError, ValueError, KeyError, TypeError) as error:
         cause = getattr(error, "strerror", None) or "it holds no address"
         raise UserError(
-            f"--scheduler: {file} is no scheduler's file ({cause}); 'dask scheduler --scheduler-file FILE' writes "
+            f"{file} is no scheduler's file ({cause}); 'dask scheduler --scheduler-file FILE' writes "
             "one, or give an address such as tcp://host:8786."
         ) from None
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
+import scipy  # scipy.stats, half a second, only where places are sampled
 
 from pliant.errors import NotReachedError
 from pliant.interfaces.physics import Simulation
@@ -86,7 +86,7 @@ def sample(
         shares = np.linspace(0.0, 1.0, count or OF_ONE)[:, None]
     else:
         many = count or min(MOST, OF_SEVERAL * 2 ** (k - 1))
-        sobol = qmc.Sobol(k, seed=SEED).random_base2(int(np.ceil(np.log2(many))))
+        sobol = scipy.stats.qmc.Sobol(k, seed=SEED).random_base2(int(np.ceil(np.log2(many))))
         corners = np.indices((2,) * k).reshape(k, -1).T if k <= 8 else np.zeros((1, k))
         shares = np.concatenate([corners, sobol])
     kept, found = [], []

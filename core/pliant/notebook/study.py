@@ -32,6 +32,7 @@ from pliant.report.comparison import comparison_document
 from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.extension import cited, extension_document
+from pliant.report.extension import origin as extension_origin
 from pliant.report.fem import fem_document
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
 from pliant.report.improvement import improvement_document, stands_for
@@ -241,7 +242,7 @@ class StudyHandle:
         )
 
     def diagnose(
-        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = 1
+        self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = None
     ) -> Result[Any]:
         """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`.
 
@@ -266,12 +267,13 @@ class StudyHandle:
         >>> [effect.kind for effect in joint.extend("viscoelastic").effects]
         ['viscoelastic']
         """
-        if out is not None:
-            _check_named(data)
+        files = [] if out is None else _files_of(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
         with displayed_in(units_as_written(measurement)):
             found = api.extend(self.opened, effects, measurement)
             document = extension_document(self.name, measurement, found, self.opened.bench.registry)
+        if out is not None and not found.absent:
+            self._write(Path(out), found, files, extension_origin(found, measurement), {})
         return Result(found, document)
 
     def improve(
@@ -281,7 +283,7 @@ class StudyHandle:
         effects: Sequence[str] | None = None,
         learned: bool = False,
         named_only: bool = False,
-        workers: Workers = 1,
+        workers: Workers = None,
         out: str | Path | None = None,
     ) -> Result[Any]:
         """Compare, diagnose, extend until the noise floor: `pliant improve`. The record is an `Improvement`.
@@ -291,14 +293,13 @@ class StudyHandle:
             effects: candidates; all by default.
             learned: whether a learned term may be the last step.
             named_only: add nothing whose cause no verdict names, however well it predicts.
-            workers: processes that fit hypotheses.
+            workers: processes that fit hypotheses; by default the study's, or this one.
             out: a new study file that has what was added; nothing is written where nothing was.
 
         >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
         ['the model as it was', 'viscoelastic']
         """
-        if out is not None:
-            _check_named(data)
+        files = [] if out is None else _files_of(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
@@ -314,28 +315,19 @@ class StudyHandle:
         if out is not None and (found.final is not None or found.learned is not None):
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             note = improvement_origin(found, cited(measurement))
-            self._write(Path(out), found.final, data, note, notes, found.learned)
+            self._write(Path(out), found.final, files, note, notes, found.learned)
         return Result(found, document, plots.steps, frames.steps)
 
     def _write(
         self,
         target: Path,
         found: Extension | None,
-        data: Data,
+        files: list[Path],
         note: str,
         notes: Mapping[str, str],
         learned: LearnedTerm | None = None,
     ) -> None:
-        """The study with the effects of an extension, as the commands write it.
-
-        Raises:
-            UserError: data that are no files, which a study cannot name.
-        """
-        if not (data is None or isinstance(data, str | Path | list | tuple)):
-            raise UserError(
-                "a new study names its measurement's files; give 'data' as paths, or leave 'out' out."
-            )
-        files = [data] if isinstance(data, str | Path) else data if isinstance(data, list | tuple) else []
+        """The study with the effects of an extension, as the commands write it."""
         write_extended_study(
             self.path,
             target,
@@ -346,7 +338,7 @@ class StudyHandle:
             discover(),
             notes_by_kind=notes,
             learned=learned,
-            data=[Path(file) for file in files],
+            data=files,
         )
 
     def optimize(self, workers: int | None = None) -> Result[Any]:
@@ -372,12 +364,24 @@ class StudyHandle:
         return Result(found, calibration_document(self.name, found))
 
 
-def _check_named(data: Data) -> None:
-    """Raise `UserError` for data that are no files: a study cannot name them."""
-    if not (data is None or isinstance(data, str | Path | list | tuple)):
-        raise UserError(
-            "a new study names its measurement's files; give 'data' as paths, or leave 'out' out."
-        )
+def _files_of(data: Data) -> list[Path]:
+    """The files that a new study names: those of the data, or that `read` read without notes; none for the study's own.
+
+    Raises:
+        UserError: data that are no files, or that only notes in Python make readable.
+    """
+    if isinstance(data, Result):
+        block = data.json.get("measurements", {})
+        data = block["file"] if set(block) == {"file"} else data
+    if isinstance(data, str | Path):
+        return [Path(data)]
+    files = [] if data is None else data
+    if isinstance(files, list | tuple) and all(isinstance(file, str | Path) for file in files):
+        return [Path(file) for file in files]
+    raise UserError(
+        "a new study names its measurement's files, which must be readable as they are; give 'data' as paths, with "
+        "notes in a YAML file beside each, or leave 'out' out."
+    )
 
 
 def _recorded(data: Data) -> Data:

@@ -45,7 +45,8 @@ class RemoteStudy:
     def of(cls, bench: Workbench, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
         """Of a study in this process; modules are for workers that may have other code."""
         plugins = tuple(str(file) for file in study.plugins)
-        raw = {key: value for key, value in study.canonical().items() if value is not None}
+        alone = study.model_copy(update={"workers": None})  # a worker has none of its own
+        raw = {key: value for key, value in alone.canonical().items() if value is not None}
         code = _code_of(modules) if modules else ""
         return cls(json.dumps(raw), plugins, str(bench.store.root.resolve()), modules, code)
 

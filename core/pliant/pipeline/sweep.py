@@ -269,7 +269,7 @@ def sweep_study(
         bench: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `sweep`, `family`, `material` and `fem`.
         executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
-        workers: processes of our own instead; 1 solves in this process. By default one for each CPU.
+        workers: processes of our own instead; 1 solves in this process. By default the study's, or one for each CPU.
 
     Raises:
         UserError: the study cannot be swept, or the workers cannot work (no store, other versions).
@@ -278,7 +278,7 @@ def sweep_study(
     started = time.perf_counter()
     study.need("sweep", "a sweep")
     fem = study.need("fem", "FEM")
-    chosen = either(executor, workers, "a sweep")
+    chosen = study.who_works(either(executor, workers, "a sweep"))
     if isinstance(chosen, int):
         checked_workers(chosen)
     bench = replace(bench, progress=Once(bench.progress))

@@ -17,6 +17,7 @@ from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.report.answers import comparison_answers
+from pliant.report.chart import Chart
 from pliant.report.document import (
     Column,
     Document,
@@ -243,16 +244,23 @@ def _drawn(compared: Compared) -> Drawn:
             f"measured − model; what leaves the band is filled. A model that lacks nothing leaves it {chance}, "
             "anywhere."
         )
-        return Picture(name, caption, figures.runs_in_time(compared, output))
+        still, chart = figures.runs_in_time(compared, output), figures.runs_chart(compared, output)
+        return Picture(name, caption, still, chart)
 
     def of_each(
-        name: str, caption: str, draw: Callable[[Compared, str], NDArray[np.uint8] | None]
+        name: str,
+        caption: str,
+        draw: Callable[[Compared, str], NDArray[np.uint8] | None],
+        chart: Callable[[Compared, str], Chart | None] = lambda *_: None,
     ) -> list[Picture]:
         """One picture of each output; none where nothing varies."""
         labels = [unit_of(output).label for output in shown]
         made = [
             picture(
-                f"{name}_{k}", caption.format(label=label, capital=capital(label)), draw(compared, output)
+                f"{name}_{k}",
+                caption.format(label=label, capital=capital(label)),
+                draw(compared, output),
+                chart(compared, output),
             )
             for k, (output, label) in enumerate(zip(shown, labels, strict=True), start=1)
         ]
@@ -272,6 +280,7 @@ def _drawn(compared: Compared) -> Drawn:
         "between rising and falling is hysteresis that the model lacks or has too much; a common slope a wrong gain "
         "or stiffness; a common shift an offset; a vertical stroke in a hold a drift.",
         figures.loops,
+        figures.loops_chart,
     )
     cut = f" The {figures.MOST_RUNS} worst runs." if len(comparison.runs) > figures.MOST_RUNS else ""
     caption = f"Rms error of each run in units of the noise: white is noise, red more, blue less, grey no data.{cut}"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pliant import __version__
 from pliant.formatting import Unit, displayed, number
 from pliant.records.remark import Rank
+from pliant.report.chart import Chart, as_script_data
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -154,16 +155,25 @@ def brief_table(columns: Sequence[Column[Row]], rows: Sequence[Row], note: str =
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture of a page: its file's name, its caption, its PNG bytes (uint8)."""
+    """A picture of a page: its file's name, its caption, its PNG bytes (uint8), and the data behind it.
+
+    A page shows the `chart` in place of the PNG where its reader lets scripts run.
+    """
 
     name: str
     caption: str
     png: NDArray[np.uint8]
+    chart: Chart | None = None
 
     @property
     def data_url(self) -> str:
         """The picture as text that an <img> shows."""
         return "data:image/png;base64," + base64.b64encode(self.png.tobytes()).decode("ascii")
+
+    @property
+    def script_data(self) -> str:
+        """The chart as JSON for a script element; "" without one."""
+        return "" if self.chart is None else as_script_data(self.chart)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,9 +192,11 @@ class Section:
     code: str = ""
 
 
-def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture | None:
+def picture(
+    name: str, caption: str, png: NDArray[np.uint8] | None, chart: Chart | None = None
+) -> Picture | None:
     """The picture, or None where nothing could be drawn."""
-    return None if png is None else Picture(name, caption, png)
+    return None if png is None else Picture(name, caption, png, chart)
 
 
 def section(

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.bands import Bands
-from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.covariates import Covariates, covariates
@@ -20,6 +19,10 @@ from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, display_unit, unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
+
+if TYPE_CHECKING:  # pages of what a file says need no diagnosis
+    from pliant.diagnosis.bands import Bands
+    from pliant.diagnosis.diagnosis import Diagnosis
 
 MOST_POINTS = 1200  # of one line; more cannot be seen
 
@@ -89,10 +92,16 @@ def with_ratio(group: GroupError) -> str:
 
 def clock(run: MeasuredRun) -> tuple[Array, str]:
     """(t,) time from the run's start in its display unit, or sample numbers, and the axis' label."""
+    label, symbol = clock_words(run)
     if run.history.time_s is None:
-        return np.arange(1.0, len(run) + 1), "sample"
-    time, unit = np.asarray(run.history.time_s, float), display_unit("s")
-    return unit.factor * (time - time[:1]), f"time in the run ({unit.symbol})"
+        return np.arange(1.0, len(run) + 1), label
+    time = np.asarray(run.history.time_s, float)
+    return display_unit("s").factor * (time - time[:1]), f"{label} ({symbol})"
+
+
+def clock_words(run: MeasuredRun) -> tuple[str, str]:
+    """Name and unit of the axis of time, or of sample numbers."""
+    return ("sample", "") if run.history.time_s is None else ("time in the run", display_unit("s").symbol)
 
 
 def abscissa(compared: Compared) -> tuple[str, NamedUnit] | None:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pliant.formatting import listed, number, plural, seconds, unit_of
-from pliant.measurements.block import advised, block_text
+from pliant.errors import UserError
+from pliant.formatting import displayed_in, listed, number, plural, seconds, unit_of
+from pliant.measurements.block import advised, asked, block_text
 from pliant.measurements.columns import unit_of as column_unit
+from pliant.measurements.files import read_measurements
 from pliant.measurements.plausible import as_remark
 from pliant.measurements.repeats import repeat_groups
+from pliant.measurements.written_units import units_as_written
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
@@ -88,6 +92,27 @@ RUNS: tuple[Column[ReadRun], ...] = (
 def _warned(doubt: Doubt) -> Warned:
     """Rows that were sorted are said first, and are nothing to settle."""
     return Warned(as_remark(doubt), rank=Rank.FLOOR if doubt.kind == "order" else Rank.UNIT)
+
+
+def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
+    """A recording without a study, and how it was understood: `pliant import`.
+
+    Args:
+        files: a path, a pattern, a pandas frame, or several, which are runs in their order.
+        notes: keys of a `measurements` block but `file`, before the YAML beside each file.
+
+    Raises:
+        UserError: what cannot be read, or must be asked; the message then ends in the block with the lines to choose.
+    """
+    sources = files if isinstance(files, list | tuple) else [files]
+    named = [str(file) for file in sources if isinstance(file, str | Path)]
+    block = {**({"file": named[0] if len(named) == 1 else named} if named else {}), **notes}
+    try:
+        measurement = read_measurements(files, notes)
+    except UserError as error:
+        raise asked(error, block) from None
+    with displayed_in(units_as_written(measurement)):
+        return measurement, import_document(measurement, block)
 
 
 def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Document:

@@ -11,7 +11,7 @@ import numpy as np
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.improvement import Improvement, Step
 from pliant.evidence.comparison import compare
-from pliant.formatting import listed, number, unit_of, whole_percent
+from pliant.formatting import listed, number, plural, unit_of, whole_percent
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -141,7 +141,7 @@ def causes(found: Improvement) -> str:
 
 def origin(found: Improvement, cited: str) -> str:
     """Where the values of the new study come from."""
-    aside = f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
+    aside = f"{plural(len(found.locked.runs), 'run')} put aside" if found.locked.runs else "no run put aside"
     return f"fitted to {cited} by 'pliant improve', {aside}"
 
 
@@ -262,7 +262,7 @@ def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
 
 def _band_picture(found: Improvement, measurement: Measurement) -> Picture | None:
     """The band over the runs put aside, of the output that the steps changed most."""
-    from pliant.report.figures.comparison import MOST, runs_in_time
+    from pliant.report.figures.comparison import MOST, runs_chart, runs_in_time
 
     if found.bands is None:
         return None
@@ -282,4 +282,4 @@ def _band_picture(found: Improvement, measurement: Measurement) -> Picture | Non
         f"{cut}"
     )
     names = names[:MOST]
-    return Picture("bands", caption, runs_in_time(shown, output, names))
+    return Picture("bands", caption, runs_in_time(shown, output, names), runs_chart(shown, output, names))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from pliant.formatting import displayed_in, units_of_page
-from pliant.report.document import Document, Page, Table, Warned
+from pliant.report.document import Document, Drawn, Page, Picture, Table, Warned
 from pliant.user_text import visible
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from rich.table import Table as RichTable
 
 
@@ -66,7 +68,7 @@ def rich_table(table: Table) -> RichTable:
 
 
 def page(document: Document) -> Page:
-    """The document as one self-contained HTML page: no script, no network, pictures inside.
+    """The document as one self-contained HTML page: no network, pictures inside, readable without its scripts.
 
     The same document gives the same bytes. Every text is escaped.
     """
@@ -86,10 +88,35 @@ def page(document: Document) -> Page:
         sections=drawn.sections,
         version=document.version,
         footer=footer,
+        moving=moving(any(picture.chart is not None for picture in _pictures(drawn))),
     )
-    pictures = [p for section in drawn.sections for p in section.pictures]
-    shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures
-    return Page(visible(html), {picture.name: picture.png for picture in shown})
+    return Page(visible(html), {picture.name: picture.png for picture in _pictures(drawn)})
+
+
+def _pictures(drawn: Drawn) -> list[Picture]:
+    pictures = [picture for section in drawn.sections for picture in section.pictures]
+    return [drawn.hero, *pictures] if drawn.hero is not None else pictures
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Style and code of what a reader can move on a page: text of ours, never of a user's."""
+
+    style: Markup
+    code: tuple[Markup, ...]
+
+
+@cache
+def moving(charts: bool = True) -> Moving:
+    """For tables alone, or for `charts` too, whose axes and pointer are uPlot's (MIT), the app's own copy."""
+    from markupsafe import Markup  # jinja's own
+
+    templates, vendor = files("pliant.report") / "templates", files("pliant.app") / "static" / "vendor"
+    code, style = [templates / "tables.js"], [templates / "moving.css"]
+    if charts:
+        code, style = [vendor / "uPlot.js", templates / "chart.js", *code], [vendor / "uPlot.css", *style]
+    sheets = "\n".join(sheet.read_text("utf-8") for sheet in style)
+    return Moving(Markup(sheets), tuple(Markup(script.read_text("utf-8")) for script in code))
 
 
 def fragment(document: Document) -> str:

@@ -40,7 +40,8 @@ def search_study(
         bench: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `search`, `chain` and `task`; `optimizer` is cmaes by default.
         executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
-        workers: processes of our own instead; 1 evaluates in this process. By default one for each CPU.
+        workers: processes of our own instead; 1 evaluates in this process. By default the study's, or one for each
+            CPU.
 
     Returns:
         An artifact whose value is the `SearchResult`; `best` is empty where nothing feasible was found.
@@ -49,7 +50,7 @@ def search_study(
         UserError: the study cannot be searched.
         NotReachedError: the executor broke, or processes cannot be started.
     """
-    chosen = either(executor, workers, "a search")
+    chosen = study.who_works(either(executor, workers, "a search"))
     bench = replace(bench, progress=Once(bench.progress))
     study.need("search", "'pliant optimize'")
     if study.optimizer is None:

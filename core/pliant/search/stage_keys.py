@@ -17,7 +17,7 @@ MODULES = (
     "pliant.search.problem.search_problem",
 )
 # What does not change what a search finds.
-APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins")
+APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins", "workers")
 # What a search may be continued beyond.
 ENDS = ("budget", "generations", "halving", "until", "confirm", "sensitivity", "verify")
 

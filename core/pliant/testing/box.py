@@ -183,4 +183,6 @@ def tetrahedral(mesh: ModuleMesh) -> ModuleMesh:
     cells = mesh.cells[:, np.array(pieces)].reshape(-1, 10)
     skin, _ = tetrahedral_faces(cells)
     wetted = np.isin(skin, mesh.cavity).all(axis=1)
-    return replace(mesh, cells=cells, cavity=skin[wetted], skin=skin)
+    number = np.arange(len(cells)).reshape(len(mesh.cells), -1)
+    regions = {name: number[own].ravel() for name, own in mesh.regions.items()}
+    return replace(mesh, cells=cells, cavity=skin[wetted], skin=skin, regions=regions)

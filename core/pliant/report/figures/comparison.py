@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,17 +15,19 @@ from pliant.evidence.places import Place, all_bins
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, number, unit_of, whole_percent
 from pliant.records.design import Array
+from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
 from pliant.report.evidence_view import (
     Compared,
     abscissa,
     clock,
+    clock_words,
     fitting,
     grid,
     input_of,
     thin,
     with_ratio,
 )
-from pliant.report.figures import style
+from pliant.report.figures import charts, style
 
 MOST = 12  # runs, or circumstances
 COLUMNS = 4
@@ -33,8 +36,8 @@ FEW = 40  # samples that are marked one by one
 BAND_COLOUR = "#bcd9ee"
 
 
-def runs_in_time(compared: Compared, output: str, runs: Sequence[str] | None = None) -> style.Png:
-    """Small multiples: the reading in ink over the model in blue; below, measured − model over a band.
+def runs_chart(compared: Compared, output: str, runs: Sequence[str] | None = None) -> Chart:
+    """Per run a panel of the reading and the model in their band, and one of measured − model below it.
 
     Args:
         compared: the band is the model's own, or ± 2 floors where it has none.
@@ -42,28 +45,80 @@ def runs_in_time(compared: Compared, output: str, runs: Sequence[str] | None = N
         runs: names of runs; the worst by default.
     """
     names = list(runs or compared.worst_runs(MOST)[0])
-    rows, columns = grid(len(names), COLUMNS)
     words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
+    panels = [panel for name in names for panel in _run_panels(compared, name, output, words)]
+    sizes = np.abs(_finite(np.concatenate([line.y for panel in panels[1::2] for line in panel.lines])))
+    high = float(np.quantile(sizes, 0.998)) if len(sizes) else words.factor
+    reach = 1.12 * max(high, 2.4 * floor * words.factor if np.isfinite(floor) else 0.0, 1e-12)
+    flat = _finite(np.concatenate([line.y for panel in panels[::2] for line in panel.lines]))
+    ends = (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 1.0)
+    margin = 0.06 * max(ends[1] - ends[0], 1e-9)
+    ranges = [(ends[0] - margin, ends[1] + margin), (-reach, reach)]
+    return Chart(tuple(replace(panel, y_range=ranges[k % 2]) for k, panel in enumerate(panels)), pairs=True)
+
+
+def _run_panels(compared: Compared, name: str, output: str, words: NamedUnit) -> tuple[Panel, Panel]:
+    run, model = compared.run(name)
+    pick = thin(len(run))
+    time = clock(run)[0][pick]
+    measured, predicted = (words.factor * np.asarray(v[output], float)[pick] for v in (run.outputs, model))
+    half = BAND * compared.comparison.outputs[output].noise_floor * words.factor
+    low, high, known = predicted - half, predicted + half, bool(np.isfinite(half))
+    if compared.bands is not None and (ends := compared.band(name, output)) is not None:
+        low, high = (words.factor * end[pick] for end in ends)
+        known = True
+    dot = 3.0 if len(pick) < FEW else 0.0
+    bands = [("band", low, high), ("band", low - predicted, high - predicted)] if known else [None, None]
+    x = ChartAxis(*clock_words(run))
+    top = (
+        ChartLine("model", time, predicted, name, style.SERIES[0], 1.5),
+        ChartLine("measured", time, measured, name, style.INK, 0.9, dot),
+    )
+    error = (
+        ChartLine("measured − model", time, measured - predicted, name, style.INK, 0.7, dot, style.WARN),
+    )
+    labels = (ChartAxis(words.label, words.symbol), ChartAxis("error", words.symbol))
+    made = [
+        Panel(
+            x,
+            y,
+            lines,
+            () if band is None else (Band(band[0], time, *band[1:], name, BAND_COLOUR),),
+            linked=name,
+        )
+        for y, lines, band in zip(labels, (top, error), bands, strict=True)
+    ]
+    return replace(made[0], title=compared.title(name), below=compared.words(name)), replace(
+        made[1], zero=style.SERIES[0]
+    )
+
+
+def runs_in_time(compared: Compared, output: str, runs: Sequence[str] | None = None) -> style.Png:
+    """Small multiples: the reading in ink over the model in blue; below, measured − model over a band.
+
+    Args: those of `runs_chart`, whose still picture it is.
+    """
+    drawn = runs_chart(compared, output, runs).panels
+    count, words = len(drawn) // 2, unit_of(output)
+    rows, columns = grid(count, COLUMNS)
+    band = "model ± 2 floors"
+    if compared.bands is not None and any(compared.band(p.linked, output) is not None for p in drawn):
+        band = f"{whole_percent(compared.bands.level)} band"
+    key = {"model": "model", "measured": "measured", "band": band}
     with style.canvas(max(460 * columns, 900), 430 * rows + 90, pad=(0.05, 0.04), wspace=0.03) as figure:
-        pairs = _pairs(figure, len(names), columns, (3.0, 1.25))
-        shown = [run.name in names for run in compared.measurement.runs]
-        errors = [r[output] for r, show in zip(compared.residuals, shown, strict=True) if show]
-        sizes = np.abs(_finite(np.concatenate(errors)))
-        high = float(np.quantile(sizes, 0.998)) if len(sizes) else 1.0
-        reach = 1.12 * max(high, 2.4 * floor if np.isfinite(floor) else 0.0, 1e-12) * words.factor
-        both = [(run.outputs[output], model[output]) for run, model in map(compared.run, names)]
-        flat = _finite(np.concatenate([values for pair in both for values in pair]) * words.factor)
-        ends = (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 1.0)
-        margin = 0.06 * max(ends[1] - ends[0], 1e-9)
-        for place, (name, (top, bottom)) in enumerate(zip(names, pairs, strict=True)):
+        pairs = _pairs(figure, count, columns, (3.0, 1.25))
+        for place, (top, bottom) in enumerate(pairs):
             bottom.sharex(top)
-            _run(top, bottom, compared, name, output, words, BAND * floor * words.factor)
-            style.heading(top, compared.title(name), fitting(compared.words(name), 44))
-            top.set_ylim(ends[0] - margin, ends[1] + margin)
-            bottom.set_ylim(-reach, reach)
+            above, below = drawn[2 * place : 2 * place + 2]
+            charts.draw(top, above, key)
+            charts.draw(bottom, below)
+            top.tick_params(labelbottom=False)
+            style.heading(top, above.title, fitting(above.below, 44))
+            top.set_ylim(above.y_range)
+            bottom.set_ylim(below.y_range)
             _label_pair(top, bottom, words, place % columns)
-            if place >= len(names) - columns:
-                bottom.set_xlabel(clock(compared.run(name)[0])[1])
+            if place >= count - columns:
+                bottom.set_xlabel(below.x.text)
         style.legend_above(figure, pairs[0][0])
         return style.png(figure)
 
@@ -79,31 +134,6 @@ def _pairs(
     for panel in np.ravel(pairs[count:]):
         panel.set_axis_off()
     return pairs[:count]
-
-
-def _run(
-    top: Any, bottom: Any, compared: Compared, name: str, output: str, words: NamedUnit, band: float
-) -> None:
-    run, model = compared.run(name)
-    pick = thin(len(run))
-    time = clock(run)[0][pick]
-    measured, predicted = (words.factor * np.asarray(v[output], float)[pick] for v in (run.outputs, model))
-    error, known = measured - predicted, np.isfinite(band)
-    low, high, label = predicted - band, predicted + band, "model ± 2 floors"
-    if compared.bands is not None and (ends := compared.band(name, output)) is not None:
-        low, high = (words.factor * end[pick] for end in ends)
-        known, label = True, f"{whole_percent(compared.bands.level)} band"
-    if known:
-        top.fill_between(time, low, high, color=BAND_COLOUR, lw=0, label=label)
-        bottom.fill_between(time, low - predicted, high - predicted, color=BAND_COLOUR, lw=0)
-    dots = {"color": style.INK, "marker": "o" if len(pick) < FEW else "", "ms": 3}
-    top.plot(time, predicted, color=style.SERIES[0], lw=1.5, label="model")
-    top.plot(time, measured, lw=0.9, label="measured", **dots)
-    outside = (measured < low) | (measured > high) if known else np.zeros(len(error), bool)
-    bottom.axhline(0, color=style.SERIES[0], lw=1.0)
-    bottom.plot(time, error, lw=0.7, **dots)
-    bottom.fill_between(time, 0, error, where=outside, color=style.WARN, alpha=0.75, lw=0, interpolate=False)
-    top.tick_params(labelbottom=False)
 
 
 def _label_pair(top: Any, bottom: Any, words: NamedUnit, column: int) -> None:
@@ -123,59 +153,75 @@ MOST_LOOPS = 8
 REPEATS = (style.INK, "#7b8496", "#a9b1bf")
 SENSES = ((1, "rising", style.SERIES[2]), (-1, "falling", style.SERIES[1]), (0, "held", "#8a93a5"))
 LOOP_BAND = "#dcebf6"
+SEEN_THROUGH = style.SERIES[0] + "d9"
+
+
+def loops_chart(compared: Compared, output: str) -> Chart | None:
+    """Per condition, the worst first, a panel of the output over its input and one of the error; None without input."""
+    found = abscissa(compared)
+    if found is None:
+        return None
+    worst = sorted(compared.comparison.conditions, key=lambda c: -c.share_of_error / max(c.n, 1))[:MOST_LOOPS]
+    return Chart(tuple(p for c in worst for p in _loop_panels(compared, c, *found, output)), pairs=True)
+
+
+def _loop_panels(
+    compared: Compared, condition: GroupError, driver: str, across: NamedUnit, output: str
+) -> tuple[Panel, Panel]:
+    """All runs of a condition; the error in the colour of what the input does."""
+    up, readings, model, errors = unit_of(output), [], [], []
+    for k, name in enumerate(condition.runs):
+        run, said = compared.run(name)
+        pick = thin(len(run))
+        x = across.factor * input_of(run, driver)
+        measured, predicted = (up.factor * np.asarray(v[output], float) for v in (run.outputs, said))
+        dot = 3.0 if len(pick) < FEW else 0.0
+        readings.append(ChartLine("measured", x[pick], measured[pick], name, REPEATS[k % 3], 1.0, dot))
+        if k == 0:
+            model.append(ChartLine("model", x[pick], predicted[pick], "", SEEN_THROUGH, 2.0))
+        direction = phases(x, run.history.time_s).direction
+        for sense, word, colour in SENSES:
+            error = np.where(direction == sense, measured - predicted, np.nan)[pick]
+            errors.append(ChartLine(f"error, {word}", x[pick], error, name, colour, 1.0, 2.2 if dot else 1.1))
+    floor = compared.comparison.outputs[output].noise_floor
+    bands: tuple[Band, ...] = ()
+    if np.isfinite(floor):
+        ends, half = charts.level(np.concatenate([line.x for line in errors]), 2 * floor * up.factor)
+        bands = (Band("± 2 floors", ends, -half, half, "", LOOP_BAND),)
+    x_axis, linked = ChartAxis(across.label, across.symbol), condition.name
+    top = Panel(x_axis, ChartAxis(up.label, up.symbol), (*readings, *model), linked=linked)
+    bottom = Panel(
+        x_axis, ChartAxis("error", up.symbol), tuple(errors), bands, zero=style.SERIES[0], linked=linked
+    )
+    return replace(top, title=with_ratio(condition), below=condition.words), bottom
 
 
 def loops(compared: Compared, output: str) -> style.Png | None:
     """Small multiples of conditions, the worst first: the output over its input, and the error; None without input."""
-    found = abscissa(compared)
-    if found is None:
+    chart = loops_chart(compared, output)
+    if chart is None:
         return None
-    driver, across = found
-    worst = sorted(compared.comparison.conditions, key=lambda c: -c.share_of_error / max(c.n, 1))[:MOST_LOOPS]
-    rows, columns = grid(len(worst), COLUMNS)
-    up, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
+    count, up = len(chart.panels) // 2, unit_of(output)
+    rows, columns = grid(count, COLUMNS)
+    key = {"measured": "measured (shades: repeats)", "model": "model"}
+    key |= {f"error, {word}": f"error, {word}" for _, word, _ in SENSES}
     with style.canvas(max(460 * columns, 900), 600 * rows + 90, pad=(0.05, 0.04)) as figure:
-        pairs = _pairs(figure, len(worst), columns, (2.2, 1.3), sharex=True)
-        for place, (condition, (top, bottom)) in enumerate(zip(worst, pairs, strict=True)):
-            last = place + columns >= len(worst)
-            if np.isfinite(floor):
-                bottom.axhspan(-2 * floor * up.factor, 2 * floor * up.factor, color=LOOP_BAND, lw=0)
-            bottom.axhline(0, color=style.SERIES[0], lw=1.0)
-            _loop(top, bottom, compared, condition, driver, output, (across, up))
-            style.heading(top, fitting(with_ratio(condition), 32), fitting(condition.words, 44))
+        pairs = _pairs(figure, count, columns, (2.2, 1.3), sharex=True)
+        for place, (top, bottom) in enumerate(pairs):
+            above, below = chart.panels[2 * place : 2 * place + 2]
+            last = place + columns >= count
+            charts.draw(top, above, key)
+            charts.draw(bottom, below, key)
+            style.heading(top, fitting(above.title, 32), fitting(above.below, 44))
             _label_pair(top, bottom, up, place % columns)
             top.tick_params(labelbottom=False)
             bottom.tick_params(labelbottom=last)
             if last:
-                bottom.set_xlabel(across.axis)
+                bottom.set_xlabel(below.x.text)
         for half in zip(*pairs, strict=True):
             style.one_height(half)
         style.legend_above(figure, pairs[0])
         return style.png(figure)
-
-
-def _loop(
-    top: Any, bottom: Any, compared: Compared, condition: GroupError, driver: str, output: str,
-    units: tuple[NamedUnit, NamedUnit],
-) -> None:  # fmt: skip
-    """All runs of a condition; the error in the colour of what the input does."""
-    across, up = units
-    for k, name in enumerate(condition.runs):
-        run, model = compared.run(name)
-        pick = thin(len(run))
-        x = across.factor * input_of(run, driver)
-        measured, predicted = (up.factor * np.asarray(v[output], float) for v in (run.outputs, model))
-        dots = "o" if len(pick) < FEW else ""
-        look = {"marker": dots, "ms": 3, "label": "measured (shades: repeats)" if k == 0 else None}
-        top.plot(x[pick], measured[pick], color=REPEATS[k % 3], lw=1.0, zorder=3, **look)
-        if k == 0:
-            look = {"lw": 2.0, "label": "model", "zorder": 4, "alpha": 0.85}
-            top.plot(x[pick], predicted[pick], color=style.SERIES[0], **look)
-        direction = phases(x, run.history.time_s).direction
-        for sense, word, colour in SENSES:
-            error = np.where(direction == sense, measured - predicted, np.nan)[pick]
-            look = {"marker": dots or ".", "ms": 2.2, "label": f"error, {word}", "mew": 0}
-            bottom.plot(x[pick], error, color=colour, lw=1.0, **look)
 
 
 PLACE_COLUMNS = 3
