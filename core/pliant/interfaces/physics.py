@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -102,7 +103,13 @@ class Simulation(EngineHandle, ABC):
         """Advance by `duration_s`, in as many internal steps as the engine needs."""
 
     def advance(self, duration_s: float) -> bool:
-        """`step`, and whether the engine reached what it should there; True where an engine cannot tell."""
+        """`step`, or `settle` where the duration is infinite.
+
+        Returns:
+            whether the simulation can answer for where it is; True where an engine cannot tell.
+        """
+        if math.isinf(duration_s):
+            return self.settle().converged
         self.step(duration_s)
         return True
 

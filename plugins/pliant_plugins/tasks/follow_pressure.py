@@ -35,8 +35,8 @@ class FollowPressureConfig(ActuatedConfig):
     kind: Literal["follow_pressure"] = "follow_pressure"
     waveform: Literal["step", "release", "sine", "table"] = Field(
         default="step",
-        description="of the actuation: from 0 to its full value at once; from there to 0; (1 − cos(2πt/period))/2 of it; "
-        "or 'shares' of it at 'times'",
+        description="of the actuation: from 0 to its full value at once, from there to 0, "
+        "(1 − cos(2πt/period))/2 of it, or the 'shares' of it at 'times'",
     )
     times_s: tuple[Time, ...] = Field(default=(), description="of the table, increasing")
     shares: tuple[float, ...] = Field(
@@ -76,7 +76,7 @@ class FollowPressureConfig(ActuatedConfig):
         if self.waveform == "sine":
             return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * time_s / self.period_s)))
         if self.waveform == "table":
-            return np.interp(time_s, self.times_s, self.shares)
+            return np.asarray(np.interp(time_s, self.times_s, self.shares), float)
         later = (time_s > 0.0).astype(float)
         return later if self.waveform == "step" else 1.0 - later
 
