@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,6 +101,8 @@ class WithInputs(Simulation):
         self.inner.step(duration_s)
 
     def advance(self, duration_s: float) -> bool:
+        if math.isinf(duration_s):
+            return self.settle().converged
         self._let_pass(duration_s)
         return self.inner.advance(duration_s)
 

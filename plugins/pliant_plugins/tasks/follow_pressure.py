@@ -69,14 +69,14 @@ class FollowPressureConfig(ActuatedConfig):
 
     def clock(self) -> Array:
         """(t,) s, from 0 on."""
-        return self.record_s * np.arange(max(1, round(self.duration_s / self.record_s)) + 1)
+        return np.asarray(self.record_s * np.arange(max(1, round(self.duration_s / self.record_s)) + 1))
 
     def shares_at(self, time_s: Array) -> Array:
         """(t,) of the full actuation; the first is what the chain has settled at."""
         if self.waveform == "sine":
             return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * time_s / self.period_s)))
         if self.waveform == "table":
-            return np.asarray(np.interp(time_s, self.times_s, self.shares), float)
+            return np.interp(time_s, self.times_s, self.shares)
         later = (time_s > 0.0).astype(float)
         return later if self.waveform == "step" else 1.0 - later
 
