@@ -261,7 +261,10 @@ def run_task(
     last = -1 if result.last_held is None else result.last_held
     acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[last]))}
     reported = model.reported({**result.metrics, **acting})
-    return replace(result, metrics={name: reported[name] for name in reported if name != "actuation"})
+    metrics = {name: reported[name] for name in reported if name != "actuation"}
+    if isinstance(task, Task):
+        metrics |= task.against_readings(model.chain, result, model.reported)
+    return replace(result, metrics=metrics)
 
 
 def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:

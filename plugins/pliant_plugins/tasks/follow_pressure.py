@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal
@@ -9,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from pliant.interfaces.effect import Readings
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import Task
 from pliant.mechanics.kinematics import ChainGeometry
@@ -19,8 +21,14 @@ from pliant.records.rollout import Equilibrium, Inputs, TaskResult
 from pliant.units import Time
 from pliant_plugins.tasks.levels import MEASURED, Level, result_of
 from pliant_plugins.tasks.ramp import ActuatedConfig
+from pliant_plugins.tasks.recordings import Recording, RecordingConfig, error_names
 from pliant_plugins.tasks.responses import sine_response, step_response, swings
 
+# Keys that a recording leaves no room for.
+BESIDE = {
+    *("pressure_pa", "tendon_force_n", "inputs", "waveform"),
+    *("times_s", "shares", "period_s", "duration_s", "record_s"),
+}
 # Modes that are reported.
 MODES = 2
 MOST_SAMPLES = 100_000
@@ -29,7 +37,7 @@ MOST_SAMPLES = 100_000
 class FollowPressureConfig(ActuatedConfig):
     """``task: {kind: follow_pressure, pressure: 15 kPa, waveform: step, duration: 2 s, record: 2 ms}``.
 
-    The chain settles at the first value, then time runs.
+    Or `recording` instead of all that. The chain settles at the first value, then time runs.
     """
 
     kind: Literal["follow_pressure"] = "follow_pressure"
@@ -49,8 +57,18 @@ class FollowPressureConfig(ActuatedConfig):
         default=0.01, gt=0.0, description="from sample to sample; the actuation changes at samples"
     )
 
+    recording: RecordingConfig | None = Field(
+        default=None, description="instead of a waveform: inputs, loads and times of a measured run"
+    )
+
+    def is_driven_otherwise(self) -> bool:
+        return self.recording is not None
+
     @model_validator(mode="after")
     def _table(self) -> FollowPressureConfig:
+        said = self.model_fields_set & BESIDE
+        if self.recording is not None and said:
+            raise ValueError(f"'recording' says what acts: leave {', '.join(sorted(said))} out")
         given = (bool(self.times_s), bool(self.shares))
         if given != (self.waveform == "table",) * 2:
             raise ValueError("give 'times' and 'shares' with 'waveform: table', and only there")
@@ -60,7 +78,7 @@ class FollowPressureConfig(ActuatedConfig):
             )
         if any(b <= a for a, b in pairwise(self.times_s)):
             raise ValueError("'times' should increase")
-        if self.duration_s / self.record_s > MOST_SAMPLES:
+        if self.recording is None and self.duration_s / self.record_s > MOST_SAMPLES:
             raise ValueError(
                 f"{self.duration_s / self.record_s:.0f} samples are more than {MOST_SAMPLES}: give a longer 'record' "
                 "or a shorter 'duration'"
@@ -87,7 +105,7 @@ class FollowPressure(Task):
     Metrics beside those of the last sample: after a step or a release `mode_1_frequency_hz`, `mode_1_damping_ratio`,
     the same of mode 2 (where the chain swings), `rise_time_s`, `settling_time_s`, `overshoot_share`; of a sine
     `gain_share` (swing of the bend over that of a slow run between the same levels), `phase_rad` (negative lags) and
-    `not_sine_share`.
+    `not_sine_share`; of a recording the errors of what was read, such as `angle_rmse_rad` and `angle_worst_rad`.
     """
 
     config: FollowPressureConfig
@@ -95,10 +113,12 @@ class FollowPressure(Task):
     def measures(self) -> tuple[str, ...]:
         modes = [f"mode_{k + 1}_{name}" for k in range(MODES) for name in ("frequency_hz", "damping_ratio")]
         steps = ("rise_time_s", "settling_time_s", "overshoot_share")
-        return (*MEASURED, *modes, *steps, "gain_share", "phase_rad", "not_sine_share")
+        return (*MEASURED, *modes, *steps, "gain_share", "phase_rad", "not_sine_share", *error_names())
 
     def run(self, simulation: Simulation) -> TaskResult:
         config, chain = self.config, simulation.chain
+        if config.recording is not None:
+            return _recorded(simulation, Recording.of(config.recording, chain))
         full, times = config.actuation(chain), config.clock()
         shares = config.shares_at(times)
         levels = [
@@ -110,6 +130,13 @@ class FollowPressure(Task):
         result = result_of(chain, levels, found)
         bend = _bend(chain, np.array([one.joint_angles for one in found]))
         return replace(result, metrics={**result.metrics, **self._numbers(times, bend, slow)})
+
+    def against_readings(
+        self, chain: ChainModel, result: TaskResult, reported: Callable[[Readings], Readings]
+    ) -> Mapping[str, float]:
+        if self.config.recording is None or result.rollout is None:
+            return {}
+        return Recording.of(self.config.recording, chain).errors(chain, result.rollout, reported)
 
     def _numbers(self, times: Array, bend: Array, slow: float) -> dict[str, Any]:
         config = self.config
@@ -135,6 +162,15 @@ class FollowPressure(Task):
         simulation.restore(start)
         low, high = _bend(simulation.chain, np.array(ends))
         return float(high - low)
+
+
+def _recorded(simulation: Simulation, recording: Recording) -> TaskResult:
+    """The chain under a run's inputs and loads, at the samples that were recorded."""
+    history = recording.fine
+    assert history.time_s is not None
+    levels = [Level(t, history.at(k), f"{t:g} s") for k, t in enumerate(history.time_s.tolist())]
+    found = _motion(simulation, levels)
+    return result_of(simulation.chain, levels[recording.read_at], found[recording.read_at])
 
 
 def _bend(chain: ChainModel, coordinates: Array) -> Array:
