@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from benchmarks.motion import BEAM_HZ, beam, frequencies_hz
 
 from pliant.interfaces.effect import Model
 from pliant.interfaces.physics import PhysicsBackend
-from pliant.mechanics.inertia import mass_matrix
 from pliant.pipeline.simulate import run_task
-from pliant.records.chain import ChainModel, Joint, default_base_rotation
-from pliant.records.design import MassProperties
+from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.records.rollout import TaskResult
-from pliant.testing.samples import linear_law
 from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -23,31 +20,7 @@ from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.tasks.follow_pressure import FollowPressure, FollowPressureConfig
 from pliant_plugins.tasks.responses import step_response, swings
 
-LENGTH_M, FLEXURAL_N_M2, LINE_KG_M = 0.3, 2e-3, 0.1
-# Roots of cos x cosh x = −1: a beam clamped at one end (Timoshenko, Vibration Problems in Engineering).
-ROOTS = np.array([1.8751041, 4.6940911])
-BEAM_HZ = ROOTS**2 / (2 * np.pi * LENGTH_M**2) * np.sqrt(FLEXURAL_N_M2 / LINE_KG_M)
 STILL = Quasistatic(QuasistaticConfig())
-
-
-def beam(n: int, gain: float = 1e-6) -> ChainModel:
-    """A slender rod of n modules without gravity; its joints bend under pressure, each with stiffness EI / l."""
-    piece, along = LENGTH_M / n, np.array([1.0, 0.0, 0.0])
-
-    def rod(length: float) -> MassProperties:
-        mass = LINE_KG_M * length
-        across = mass * length**2 / 12
-        return MassProperties(mass, along * length / 2, np.diag([1e-3 * across, across, across]))
-
-    return ChainModel(
-        joints=tuple(Joint(0, along * (piece if i else piece / 2), np.eye(3)) for i in range(n)),
-        bodies=(rod(piece / 2), *[rod(piece)] * (n - 1), rod(piece / 2)),
-        laws=(linear_law(gain=gain, stiffness=FLEXURAL_N_M2 / piece),),
-        tip_offset_m=along * piece / 2,
-        base_position_m=np.zeros(3),
-        base_rotation=default_base_rotation(),
-        gravity_m_s2=np.zeros(3),
-    )
 
 
 def perform(
@@ -59,14 +32,6 @@ def perform(
 
 def own_dynamics(timestep_s: float) -> Mujoco:
     return Mujoco(MujocoConfig(timestep_s=timestep_s, joint_damping=0.0, drag_1_s=0.0))
-
-
-def frequencies_hz(n: int) -> np.ndarray:
-    """The first two of small swings about the straight chain."""
-    chain = beam(n)
-    stiffness = FLEXURAL_N_M2 / (LENGTH_M / n) * np.eye(n)
-    squares = eigh(stiffness, mass_matrix(chain, np.zeros((n, 1))), eigvals_only=True)
-    return np.sqrt(squares[:2]) / (2 * np.pi)
 
 
 def test_frequencies_go_to_those_of_a_beam_in_second_order() -> None:
