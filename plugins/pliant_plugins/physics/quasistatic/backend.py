@@ -190,6 +190,7 @@ class Quasistatic(PhysicsBackend):
         internal_states=True,
         gradients=True,
         batch=True,
+        threads=True,
     )
     config: QuasistaticConfig
 
