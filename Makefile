@@ -71,7 +71,9 @@ bench-families: $(VENV)/.run  ## FEM of the families against published curves, a
 	$(BIN)/python -m benchmarks.families.helical
 	$(BIN)/python -m benchmarks.families.translational
 	$(BIN)/python -m benchmarks.families.tendon_joint --sensitivity
+	$(BIN)/python -m benchmarks.families.tendon_finger
 	$(BIN)/python -m benchmarks.families.several_chambers
+	$(BIN)/python -m benchmarks.families.fibre_reinforced
 	$(BIN)/python -m benchmarks.families.sampling --helical
 	$(BIN)/python -m benchmarks.families.gripper_designs
 	$(BIN)/python -m benchmarks.families.chain_hypothesis
