@@ -105,6 +105,9 @@ bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; ha
 	$(BIN)/python -m benchmarks.real.elastomer
 	$(BIN)/python -m benchmarks.real.grasp_counts
 
+bench-files: $(VENV)/.run  ## recordings of millions of rows: seconds and memory; a minute or two
+	$(BIN)/python -m benchmarks.large_files
+
 bench-install: $(VENV)/.dev  ## the wheel, installed without extras into an environment of its own and tried there
 	$(BIN)/python -m benchmarks.install --quick
 
