@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
@@ -20,6 +21,7 @@ from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
+from pliant.app.unseen_runs import doubts_by_hand
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
@@ -43,6 +45,7 @@ class Desk:
         self._model: tuple[Any, OpenModel] | None = None
         self._catalogue: list[dict[str, Any]] | None = None
         self._lock = threading.RLock()
+        self._slow = threading.Lock()  # one question that takes seconds at a time; sliders do not wait for it
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open what the command names, or go on where the session was; work that was cut off is taken up."""
@@ -98,14 +101,14 @@ class Desk:
 
     def preview(self, values: Effects, parts: int = 0) -> dict[str, Any]:
         """The prediction with these effects, and its errors; `parts` steps between samples, as needed where 0."""
-        model = self._now()
+        model, now = self._present()
         with displayed_in(units_as_written(model.measurement)):
             try:
                 predicted = model.quick(values, parts) if parts else model.predicted(values)
                 used = parts or model.parts(values)
             except ValidationError as error:
                 raise UserError(f"out of bounds: {error.errors()[0]['msg']}.") from None
-            noise = model.noise(model.predicted(self.state.now.effects) if parts else predicted)
+            noise = model.noise(model.predicted(now.effects) if parts else predicted)
             return {
                 "predicted": predicted_points(model, predicted),
                 "errors": vars(model.errors(predicted, noise)),
@@ -120,8 +123,8 @@ class Desk:
 
     def where(self) -> dict[str, Any]:
         """Where the present model fails on the training runs, in words and as a table."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             with displayed_in(units_as_written(model.measurement)):
                 found = model.comparison(now.effects)
                 return {
@@ -148,8 +151,8 @@ class Desk:
 
     def screen(self) -> dict[str, Any]:
         """What every effect could explain of what is left; kept under the model."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             key = key_of("screen", model.key, now.effects)
             found = self.folder.result(key)
             if found is None:
@@ -246,29 +249,30 @@ class Desk:
         self.bench.stop()
 
     def save(self, name: str = "") -> dict[str, str]:
-        """Write the present model as a study; returns its path, its text and a command."""
+        """Write the present model as a study, over one of that name; returns its path, its text and a command."""
         with self._lock:
-            model, now = self._now(), self.state.now
+            model = self._now()
             stem = name_of_file(Path(name)) if name else f"{name_of_file(model.path)}+page"
             target = self.folder.saved / f"{stem or 'study'}.yaml"
-            known = self.folder.result(now.result) if now.result else None
-            written = self.folder.results / str(known["study"]) if known and known.get("study") else None
-            fitted = written is not None and written.exists()
-            if written is not None and fitted:
-                write_atomically(target, written.read_text(encoding="utf-8"))
-            else:
-                work.write_by_hand(target, model, now.effects)
+            known = self._write_study(target)
             return {
                 "name": target.name,
                 "path": str(target),
                 "yaml": target.read_text(encoding="utf-8"),
-                "commands": _command(model, target, known if fitted else None),
+                "commands": _command(model, target, known),
             }
+
+    def as_yaml(self) -> dict[str, str]:
+        """The present model as a study's text; no study that was saved changes."""
+        with self._lock, TemporaryDirectory(dir=self.folder.path) as beside:
+            target = Path(beside) / f"{name_of_file(self._now().path)}+page.yaml"
+            self._write_study(target)
+            return {"yaml": target.read_text(encoding="utf-8")}
 
     def report(self) -> str:
         """`pliant compare`'s page of the present model on the training runs."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             with displayed_in(units_as_written(model.measurement)):
                 found = model.comparison(now.effects)
                 training = model.split.training
@@ -295,11 +299,27 @@ class Desk:
         self._model = (key, held)
         return held
 
+    def _write_study(self, target: Path) -> Mapping[str, Any] | None:
+        """The present model as a study; returns the result that it was written by, None where a hand set it."""
+        model, now = self._now(), self.state.now
+        known = self.folder.result(now.result) if now.result else None
+        written = self.folder.results / str(known["study"]) if known and known.get("study") else None
+        if written is not None and written.exists():
+            write_atomically(target, written.read_text(encoding="utf-8"))
+            return known
+        work.write_by_hand(target, model, now.effects)
+        return None
+
     def _now(self) -> OpenModel:
         with self._lock:
             if not self.state.study:
                 raise UserError("no study is open; drop one, or choose an example.")
             return self._opened()
+
+    def _present(self) -> tuple[OpenModel, PageStep]:
+        """The model and the step that is looked at, of one moment."""
+        with self._lock:
+            return self._now(), self.state.now
 
     def _shown(self, model: OpenModel) -> dict[str, Any]:
         state, now = self.state, self.state.now
@@ -314,14 +334,8 @@ class Desk:
         added = [str(one["kind"]) for one in now.effects if one["kind"] not in own]
         warnings = list(result["warnings"]) if result else []
         warnings += work.doubts_of(added, of_study) if of_study else []
-        errors = model.errors(predicted, noise)
-        plain = model.errors(model.predicted(model.own_effects), noise)
-        worse = errors.aside is not None and plain.aside is not None and errors.aside > 1.01 * plain.aside
-        if added and worse and not any("unseen runs" in one for one in warnings):
-            warnings.append(
-                f"With {listed(added)} the error on the runs put aside rises from {plain.aside:.2f} to "
-                f"{errors.aside:.2f} times the noise: unseen runs become worse."
-            )
+        if result is None:
+            warnings += doubts_by_hand(model, now.effects, added, noise)
         return {
             "name": model.study.name,
             "source": model.measurement.source,

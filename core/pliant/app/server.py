@@ -28,6 +28,7 @@ from pliant.app.page_state import as_effects
 from pliant.errors import PliantError, UserError
 from pliant.examples_shipped import copy_example
 from pliant.records.plain_values import plain
+from pliant.report.render import script_hashes
 
 TOKEN = "x-pliant-token"
 MOST_JSON = 1_000_000  # bytes of a request
@@ -40,8 +41,12 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-# A report stands by itself: pictures inside, no script.
-OF_REPORTS = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+# A report stands by itself: pictures inside, no scripts but ours, told by what is in them. Its origin is nobody's: they
+# reach neither this page nor the token.
+OF_REPORTS = (
+    f"default-src 'none'; script-src {' '.join(script_hashes())}; style-src 'unsafe-inline'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; sandbox allow-scripts"
+)
 
 
 class Guard(BaseHTTPMiddleware):
@@ -122,6 +127,7 @@ def application(desk: Desk, token: str) -> Starlette:
         "run": lambda v: desk.run(str(v["what"]), [str(kind) for kind in v.get("kinds", [])]),
         "stop": lambda v: desk.stop(),
         "save": lambda v: desk.save(str(v.get("name", ""))),
+        "yaml": lambda v: desk.as_yaml(),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,
     }

@@ -254,7 +254,7 @@ go("example", async () => { await ask("example", {}); await beat(); });
 go("report", () => { window.open(`/report?token=${encodeURIComponent(token)}`, "_blank", "noopener"); });
 go("save", async () => { const s = await ask("save", {});
   dialog("The study is saved", `${s.path}\n\nBy commands, on all runs of the files:\n${s.commands}\n\n${s.yaml}`, [el("a", {href: `/saved/${encodeURIComponent(s.name)}?token=${encodeURIComponent(token)}`, download: s.name}, "Download")]); });
-go("yaml", async () => { const s = await ask("save", {}); let told = "copied";
+go("yaml", async () => { const s = await ask("yaml", {}); let told = "copied";
   try { await navigator.clipboard.writeText(s.yaml); } catch { told = "copy it from here"; } dialog(`As YAML, ${told}`, s.yaml, []); });
 for (const id of ["output", "over", "against", "asis", "seeaside"]) $(id).addEventListener("change", () => { share(); draw(); });
 $("files").addEventListener("change", attempt(async event => { await upload(event.target.files); event.target.value = ""; }));

@@ -1,6 +1,6 @@
 "use strict";
 // One scatter picture over uPlot: measured points, lines of models, a marked region that all pictures share.
-const INK = "#1d2433", MODEL = "#0072b2", PLAIN = "#c79fb8", MARK = "#d55e00", BAND = "#e8eef5", FAINT = "#b9c0cc";
+const INK = "#1d2433", MODEL = "#0072b2", PLAIN = "#a9628f", MARK = "#d55e00", BAND = "#e8eef5", FAINT = "#7f8897";
 
 class Picture {
   // hold: the element; brush(test): told which points a dragged box holds; words(k): of point k for the pointer.
