@@ -131,19 +131,20 @@ function compact() {
 }
 // Categories side by side, points spread a little so that each is seen.
 const spread = c => c.categories.length ? c.values.map((v, k) => v === null ? null : v + 0.5 * (((k * 0.618034) % 1) - 0.5)) : c.values;
-function draw() {
+// after: "show" where anything may have changed, "move" where the model alone did.
+function draw(after = "show") {
   if (!data || !now) return;
   const o = output(), p = now.predicted[o.name], base = asis && $("asis").checked && view.model.cursor > 0 ? asis.predicted[o.name] : null;
   const on = visible(), faint = data.run.map(k => data.runs[k].aside), floor = now.floors[o.name] || 0;
   const lines = [...(base ? [{values: base, colour: PLAIN, width: 1.4}] : []), {values: p, colour: MODEL}];
   const common = {on, faint, marked, starts: data.starts, lines};
   const [clock, rules] = compact();
-  pictures.time.show({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
+  pictures.time[after]({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
   const over = circumstance("over");
-  if (over) pictures.loops.show({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
+  if (over) pictures.loops[after]({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
   const against = circumstance("against"), rest = o.measured.map((v, k) => v === null || p[k] !== p[k] ? null : v - p[k]);
   const unit = o.unit ? ` (${o.unit})` : "";
-  pictures.residual.show({...common, lines: [], x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
+  pictures.residual[after]({...common, lines: [], moving: true, x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
     xlabel: against.axis, ylabel: `measured − model${unit}`, name: `error of ${o.label} over ${against.label}`});
   $("floor").textContent = floor ? `; one is ${short(floor)} ${o.unit}, from ${now.floor_from[o.name]}` : "; no floor is known here";
 }
@@ -223,7 +224,7 @@ function job(running) {
 
 // What is done
 const effects = new EffectList($("effects"),
-  effects => preview(effects, now ? now.parts : 0, false).then(() => { draw(); share(); }).catch(error => say(error.message)),
+  effects => preview(effects, now ? now.parts : 0, false).then(() => { draw("move"); share(); }).catch(error => say(error.message)),
   attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }));
 function effectsBusy(busy) { effects.busy = busy; }
 async function beat() { const b = await ask("pulse"); job(b.job); if (b.version !== version) { version = b.version; await load(); } }
@@ -263,6 +264,6 @@ document.addEventListener("dragleave", () => document.body.classList.remove("dra
 document.addEventListener("drop", attempt(async event => { event.preventDefault(); document.body.classList.remove("dragging"); await upload(event.dataTransfer.files); }));
 document.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !/input|textarea/i.test(event.target.tagName)) { event.preventDefault(); $(event.shiftKey ? "redo" : "undo").click(); } });
 // For tests and benchmarks: a model redrawn as a slider does, and how long it took until it stood on the screen.
-window.pliantRedraw = async effects => { const t = performance.now(); await preview(effects, now.parts, false); draw();
+window.pliantRedraw = async effects => { const t = performance.now(); await preview(effects, now.parts, false); draw("move");
   await new Promise(r => requestAnimationFrame(() => setTimeout(r, 0))); return performance.now() - t; };
 pulse();

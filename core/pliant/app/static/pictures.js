@@ -12,7 +12,8 @@ class Picture {
   }
   width() { return Math.max(this.hold.clientWidth, 200); }
 
-  // shown: {x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}
+  // shown: {x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}; moving: y
+  // changes with the model.
   show(shown) {
     const fresh = !this.shown || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel;
     this.shown = shown;
@@ -47,6 +48,7 @@ class Picture {
       hooks: {draw: [u => this.draw(u)], setSelect: [u => this.selected(u)], setCursor: [u => this.point(u)]}},
       [null, [s.x, s.y]], this.hold);
     this.hold.appendChild(this.tip);
+    this.under = document.createElement("canvas"); this.under.className = "under"; this.plot.over.parentNode.prepend(this.under);
     const over = this.plot.over;
     over.addEventListener("dblclick", () => { this.view = this.extent(); this.rescale(); this.brush(null); });
     over.addEventListener("mouseleave", () => { this.tip.hidden = true; });
@@ -68,18 +70,33 @@ class Picture {
     this.plot.redraw(false, true);
   }
   redraw() { this.plot.redraw(false, false); }
-
+  // Only the model moved: the readings and the axes, on the canvas above, stay as they are.
+  move(shown) {
+    if (!this.shown || !this.plot || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel) { this.show(shown); return; }
+    this.shown = shown; this.drawMoving(this.plot);
+  }
+  scaled(u) {
+    const b = u.bbox, [x0, x1] = this.view.x, [y0, y1] = this.view.y, fx = b.width / (x1 - x0), fy = b.height / (y1 - y0);
+    return {b, fx, X: v => b.left + (v - x0) * fx, Y: v => b.top + b.height - (v - y0) * fy};
+  }
   draw(u) {
-    const s = this.shown, c = u.ctx, r = devicePixelRatio || 1, b = u.bbox;
-    const [x0, x1] = this.view.x, [y0, y1] = this.view.y;
-    const fx = b.width / (x1 - x0), fy = b.height / (y1 - y0);
-    const X = v => b.left + (v - x0) * fx, Y = v => b.top + b.height - (v - y0) * fy;
+    const s = this.shown, c = u.ctx, r = devicePixelRatio || 1, {b, fx, X} = this.scaled(u);
     c.save(); c.beginPath(); c.rect(b.left, b.top, b.width, b.height); c.clip();
-    if (s.band) { c.fillStyle = BAND; c.fillRect(b.left, Y(s.band), b.width, Y(-s.band) - Y(s.band));
-      c.fillStyle = FAINT; c.fillRect(b.left, Y(0) - r / 2, b.width, r); }
     if (s.rules) { c.font = `${11 * r}px system-ui`; c.textBaseline = "top";
       for (const rule of s.rules) { c.fillStyle = "#eef0f4"; c.fillRect(X(rule.at), b.top, r, b.height);
         c.fillStyle = "#5c6577"; if (rule.width * fx > 18 * r) c.fillText(rule.text, X(rule.at) + 3 * r, b.top + r); } }
+    if (!s.moving) this.points(u, c);
+    c.restore();
+    this.drawMoving(u);
+  }
+  // The canvas beneath: the band, the lines of the models, and readings that move with them.
+  drawMoving(u) {
+    const s = this.shown, r = devicePixelRatio || 1, {b, X, Y} = this.scaled(u), sheet = this.under, c = sheet.getContext("2d");
+    if (sheet.width !== u.ctx.canvas.width || sheet.height !== u.ctx.canvas.height) { sheet.width = u.ctx.canvas.width; sheet.height = u.ctx.canvas.height; }
+    c.clearRect(0, 0, sheet.width, sheet.height);
+    c.save(); c.beginPath(); c.rect(b.left, b.top, b.width, b.height); c.clip();
+    if (s.band) { c.fillStyle = BAND; c.fillRect(b.left, Y(s.band), b.width, Y(-s.band) - Y(s.band));
+      c.fillStyle = FAINT; c.fillRect(b.left, Y(0) - r / 2, b.width, r); }
     for (const line of s.lines) {
       c.strokeStyle = line.colour; c.lineWidth = (line.width || 1.6) * r; c.lineJoin = "round"; c.beginPath();
       let pen = false, next = 0;
@@ -91,17 +108,19 @@ class Picture {
       }
       c.stroke();
     }
-    const size = (s.x.length > 4000 ? 1.6 : 2.4) * r;
-    for (const pass of [0, 1]) {
+    if (s.moving) this.points(u, c);
+    c.restore();
+  }
+  points(u, c) {
+    const s = this.shown, r = devicePixelRatio || 1, {X, Y} = this.scaled(u), size = (s.x.length > 4000 ? 1.6 : 2.4) * r;
+    const looks = [[FAINT, size], [INK, size], [MARK, 1.5 * size]];  // a colour is set once, for all of its points
+    for (const [pass, [colour, d]] of looks.entries()) {
+      c.fillStyle = colour;
       for (let k = 0; k < s.x.length; k++) {
-        const mine = s.marked && s.marked[k] ? 1 : 0;
-        if (mine !== pass || !s.on[k] || s.x[k] === null || s.y[k] === null || s.y[k] !== s.y[k]) continue;
-        c.fillStyle = mine ? MARK : s.faint[k] ? FAINT : INK;
-        const d = mine ? 1.5 * size : size;
-        c.fillRect(X(s.x[k]) - d / 2, Y(s.y[k]) - d / 2, d, d);
+        if (!s.on[k] || s.x[k] === null || s.y[k] === null || s.y[k] !== s.y[k]) continue;
+        if ((s.marked && s.marked[k] ? 2 : s.faint[k] ? 0 : 1) === pass) c.fillRect(X(s.x[k]) - d / 2, Y(s.y[k]) - d / 2, d, d);
       }
     }
-    c.restore();
   }
   selected(u) {
     const q = u.select;
