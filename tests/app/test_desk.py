@@ -175,7 +175,8 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     model = _fitted(desk, "actuation_gain")
     said = desk.save()
     saved = Path(said["path"])
-    assert shlex.split(said["commands"])[:2] == ["pliant", "extend"] and "actuation_gain" in said["commands"]
+    assert shlex.split(said["commands"][1])[:2] == ["pliant", "extend"]
+    assert "actuation_gain" in said["commands"][1]
     opened = api.open_study(saved, store=bench / "store")
     assert [effect.canonical() for effect in opened.study.effects] == [dict(one) for one in model["effects"]]
     assert opened.study.posterior is not None
@@ -183,7 +184,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
     desk.step(by_hand, [], "by hand")
     mine = desk.save("my own")
-    assert shlex.split(mine["commands"]) == ["pliant", "compare", mine["path"]]
+    assert shlex.split(mine["commands"][-1]) == ["pliant", "compare", mine["path"]]
     again = api.open_study(mine["path"], store=bench / "store")
     assert again.study.effects[0].canonical()["gain"] == 1.1
     assert again.study.posterior is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pliant import __version__, api
-from pliant.app import work
+from pliant.app import leaving, work
 from pliant.app.curves import curves, predicted_points
 from pliant.app.folder import SessionFolder, key_of
 from pliant.app.inbox import STUDIES, checked_study
@@ -27,11 +26,12 @@ from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
 from pliant.formatting import displayed_in, listed, unit_of
 from pliant.measurements.written_units import units_as_written
-from pliant.report.comparison import comparison_document
 from pliant.report.render import page
 from pliant.store.store import write_atomically
 
 AS_IT_IS = "the study as it is"
+# What is kept beside a saved study, and its ending.
+KEPT = {"page": ".html", "notebook": ".ipynb", "commands": ".sh"}
 
 
 class Desk:
@@ -60,7 +60,7 @@ class Desk:
                 self._opened()
             if self.state.pending:
                 pending = dict(self.state.pending)
-                self.run(pending["what"], pending.get("kinds", ()))
+                self.run(pending["what"], pending.get("kinds", ()), pending.get("learned", False))
 
     # What is there
 
@@ -208,8 +208,17 @@ class Desk:
         with self._lock:
             self._keep(self.state.at(cursor))
 
-    def run(self, what: str, kinds: Sequence[str] = ()) -> None:
-        """Begin long work, or show at once what it gave before."""
+    def run(self, what: str, kinds: Sequence[str] = (), learned: bool = False) -> None:
+        """Begin long work, or show at once what it gave before.
+
+        Args:
+            what: "fit", "diagnose" or "improve".
+            kinds: effects to fit.
+            learned: whether a learned term may be the last step of an improvement.
+
+        Raises:
+            UserError: it is none of these, or there is nothing to fit, or other work is under way.
+        """
         with self._lock:
             model, now = self._now(), self.state.now
             own = {effect.kind for effect in model.study.effects}
@@ -222,7 +231,10 @@ class Desk:
                     lambda task, key: work.fit(task, self.folder, key, sorted(kinds)),
                 ),
                 "diagnose": (now.effects, lambda task, key: work.diagnose(task, self.folder, key)),
-                "improve": (model.own_effects, lambda task, key: work.improve(task, self.folder, key)),
+                "improve": (
+                    [model.own_effects, learned],
+                    lambda task, key: work.improve(task, self.folder, key, learned),
+                ),
             }
             if what not in ways:
                 raise UserError(f"there is no '{what}' here.")
@@ -241,25 +253,51 @@ class Desk:
                     found = does(task, key)
                 self.folder.keep_result(key, found)
 
-            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds)}))
+            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
             self.bench.begin(Job(what, key), go, self._ended)
 
     def stop(self) -> None:
         """Stop the work that runs."""
         self.bench.stop()
 
-    def save(self, name: str = "") -> dict[str, str]:
-        """Write the present model as a study, over one of that name; returns its path, its text and a command."""
+    def save(self, name: str = "") -> dict[str, Any]:
+        """Write the present model as a study, over one of that name; returns its path, its text and commands."""
         with self._lock:
-            model = self._now()
-            stem = name_of_file(Path(name)) if name else f"{name_of_file(model.path)}+page"
-            target = self.folder.saved / f"{stem or 'study'}.yaml"
-            known = self._write_study(target)
+            target = self._target(name)
+            self._write_study(target)
             return {
                 "name": target.name,
                 "path": str(target),
                 "yaml": target.read_text(encoding="utf-8"),
-                "commands": _command(model, target, known),
+                "commands": leaving.commands(self._way(target)),
+            }
+
+    def keep(self, what: str, name: str = "") -> dict[str, Any]:
+        """Save the study, and beside it the whole page, or the way as a notebook or as commands.
+
+        Raises:
+            UserError: it is none of `page`, `notebook` and `commands`.
+        """
+        if what not in KEPT:
+            raise UserError(f"'{what}' cannot be kept; choose one of {listed(list(KEPT))}.")
+        with self._slow:
+            model, now = self._present()
+            saved = self.save(name)
+            way = self._way(Path(saved["path"]))
+            target = Path(saved["path"]).with_suffix(KEPT[what])
+            with displayed_in(units_as_written(model.measurement)):
+                if what == "page":
+                    text = leaving.saved_page(model, now.effects, self._shown(model), saved["commands"])
+                elif what == "notebook":
+                    text = leaving.notebook(way, model.study.name)
+                else:
+                    text = "\n".join(["#!/bin/sh", "set -e", *saved["commands"], ""])
+            write_atomically(target, text)
+            return {
+                **saved,
+                "kept": target.name,
+                "kept_path": str(target),
+                "text": "" if what == "page" else text,
             }
 
     def as_yaml(self) -> dict[str, str]:
@@ -274,11 +312,7 @@ class Desk:
         with self._slow:
             model, now = self._present()
             with displayed_in(units_as_written(model.measurement)):
-                found = model.comparison(now.effects)
-                training = model.split.training
-                return page(
-                    comparison_document(model.study.name, training, model.predicted(now.effects), found)
-                ).html
+                return page(leaving.present_document(model, now.effects)).html
 
     # Inside
 
@@ -299,16 +333,31 @@ class Desk:
         self._model = (key, held)
         return held
 
-    def _write_study(self, target: Path) -> Mapping[str, Any] | None:
-        """The present model as a study; returns the result that it was written by, None where a hand set it."""
+    def _target(self, name: str) -> Path:
+        stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
+        return self.folder.saved / f"{stem or 'study'}.yaml"
+
+    def _way(self, saved: Path) -> leaving.Way:
+        """How the present model came to be."""
+        model, now = self._now(), self.state.now
+        known = self.folder.result(now.result) if now.result else None
+        diagnosis = self.folder.result(key_of("diagnose", model.key, model.own_effects))
+        found = known or {"what": "", "kinds": ()}
+        kinds = tuple(found["kinds"]) if found["what"] == "fit" else ()
+        learned = bool(found.get("learned"))
+        return leaving.Way(
+            model.path, model.data, diagnosis is not None, found["what"], kinds, learned, saved
+        )
+
+    def _write_study(self, target: Path) -> None:
+        """The present model as a study: as its fit wrote it, else with the values that a hand set."""
         model, now = self._now(), self.state.now
         known = self.folder.result(now.result) if now.result else None
         written = self.folder.results / str(known["study"]) if known and known.get("study") else None
         if written is not None and written.exists():
             write_atomically(target, written.read_text(encoding="utf-8"))
-            return known
-        work.write_by_hand(target, model, now.effects)
-        return None
+        else:
+            work.write_by_hand(target, model, now.effects)
 
     def _now(self) -> OpenModel:
         with self._lock:
@@ -348,7 +397,12 @@ class Desk:
             "catalogue": self._catalogue,
             "cursor": state.cursor,
             "steps": [
-                {"words": step.words, "fitted": bool(step.result), **self._score(model, step, noise)}
+                {
+                    "words": step.words,
+                    "fitted": bool(step.result),
+                    "effects": step.effects,
+                    **self._score(model, step, noise),
+                }
                 for step in state.steps
             ],
             "fit": result,
@@ -402,13 +456,3 @@ class Desk:
                 for one in document.data["columns"]
             ],
         }
-
-
-def _command(model: OpenModel, saved: Path, found: Mapping[str, Any] | None) -> str:
-    """What makes a fitted or improved study on the command line; what looks at a saved one that was set by hand."""
-    if found is None:
-        return shlex.join(["pliant", "compare", str(saved)])
-    data = [word for file in model.data for word in ("--data", str(file))]
-    named = [word for kind in found.get("kinds", ()) for word in ("--effect", str(kind))]
-    verb = ["improve"] if found["what"] == "improve" else ["extend"]
-    return shlex.join(["pliant", *verb, str(model.path), *(named if verb == ["extend"] else ()), *data])

@@ -132,9 +132,12 @@ def application(desk: Desk, token: str) -> Starlette:
             as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
         ),
         "go": lambda v: desk.go(int(v["cursor"])),
-        "run": lambda v: desk.run(str(v["what"]), [str(kind) for kind in v.get("kinds", [])]),
+        "run": lambda v: desk.run(
+            str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
+        ),
         "stop": lambda v: desk.stop(),
         "save": lambda v: desk.save(str(v.get("name", ""))),
+        "keep": lambda v: desk.keep(str(v["what"]), str(v.get("name", ""))),
         "yaml": lambda v: desk.as_yaml(),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,

@@ -21,6 +21,8 @@ from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.learned_term import LearnedTerm
+from pliant.diagnosis.learned_words import described
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.protocol_file import write_protocol
@@ -29,10 +31,11 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.files import sources_of
 from pliant.registry.discovery import discover
 from pliant.report.diagnosis import diagnosis_document
-from pliant.report.document import Document
+from pliant.report.document import Document, capital
 from pliant.report.extension import cited, origin
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
+from pliant.report.learned_curve import curve_of
 from pliant.report.render import page
 from pliant.store.store import write_atomically
 
@@ -133,23 +136,29 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     }
 
 
-def improve(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
-    """`pliant improve` of the study, on all runs that are on; it puts the same runs aside."""
+def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = False) -> dict[str, Any]:
+    """`pliant improve` of the study, on all runs that are on; it puts the same runs aside.
+
+    `learned`: a learned term may be the last step.
+    """
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
-    found = improve_with(model.bench, study, model.read, tick=task.tick, workers=study.who_works(None, 1))
+    who = study.who_works(None, 1)
+    found = improve_with(model.bench, study, model.read, learned=learned, tick=task.tick, workers=who)
     file = ""
-    if found.final is not None:
+    if found.final is not None or found.learned is not None:
         file = _study_name(model, ["improved"], key)
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
         note = improvement_origin(found, cited(model.measurement))
-        _write(folder.results / file, model, study.effects, found.final, note, notes)
+        _write(folder.results / file, model, study.effects, found.final, note, notes, found.learned)
     document = improvement_document(study.name, model.read, found, model.bench.registry)
-    effects = model.own_effects
-    if found.final is not None:
-        effects = tuple(effect.canonical() for effect in found.final.effects)
+    made = study.effects if found.final is None else found.final.effects
+    if found.learned is not None:
+        made = (*made, found.learned.effect)
+    effects = tuple(effect.canonical() for effect in made)
     return {
         "what": "improve",
+        "learned": None if found.learned is None else _learned(found.learned),
         "sentence": document.sentence,
         "stop": found.stop,
         "reason": found.reason,
@@ -252,6 +261,17 @@ def _estimates(found: Extension) -> list[dict[str, Any]]:
     ]
 
 
+def _learned(found: LearnedTerm) -> dict[str, Any]:
+    """What it is, and its curve with where the data end; without a curve over two covariates."""
+    curve = curve_of(found)
+    told: dict[str, Any] = {"words": capital(described(found)), "curve": None}
+    if curve is not None:
+        axes = {"over": curve.over.text, "what": curve.what.text}
+        lists = {"x": curve.x, "value": curve.value, "half": curve.half}
+        told["curve"] = {**axes, **lists, "knots": [curve.knots_x, curve.knots], "ends": curve.ends}
+    return told
+
+
 def _study_name(model: OpenModel, added: Sequence[str], key: str) -> str:
     """The file's name, after which the study is called."""
     return f"{name_of_file(model.path)}+{'+'.join(added)[:60]}-{key[-6:]}.yaml"
@@ -265,9 +285,10 @@ def _write(
     target: Path,
     model: OpenModel,
     effects: Sequence[EffectConfig],
-    found: Extension,
+    found: Extension | None,
     note: str,
     notes: Mapping[str, str] | None = None,
+    learned: LearnedTerm | None = None,
 ) -> None:
     study = model.study.model_copy(update={"effects": tuple(effects)})
     target.unlink(missing_ok=True)
@@ -280,6 +301,7 @@ def _write(
         note,
         discover(),
         notes_by_kind=notes,
+        learned=learned,
         data=model.data or None,
         full=True,
     )

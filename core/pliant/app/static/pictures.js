@@ -184,3 +184,25 @@ function stairs(svg, steps, cursor) {
   svg.setAttribute("aria-label", steps.slice(0, cursor + 1).map((s, k) =>
     `step ${k + 1}, ${s.words}: ${s.aside === null ? "no run put aside" : s.aside.toFixed(2) + " on runs put aside"}, ${s.error === null ? "–" : s.error.toFixed(2)} on fitted runs`).join("; "));
 }
+// The learned term over its circumstance: line, 90 % band, grey where there are no data.
+function learnedCurve(svg, curve) {
+  const ns = "http://www.w3.org/2000/svg", W = svg.clientWidth || 400, H = 200, left = 52, bottom = 40, top = 8, right = 8;
+  svg.setAttribute("viewBox", `0 0 ${W} ${H}`); svg.replaceChildren();
+  const add = (tag, at, text) => { const e = document.createElementNS(ns, tag);
+    for (const [k, v] of Object.entries(at)) e.setAttribute(k, v); if (text) e.textContent = text; svg.appendChild(e); return e; };
+  const {x, value, half, ends} = curve, n = x.length, high = Math.max(...value.map((v, k) => v + half[k]), 0), low = Math.min(...value.map((v, k) => v - half[k]), 0);
+  const X = v => left + (v - x[0]) / (x[n - 1] - x[0]) * (W - left - right), Y = v => top + (high - v) / ((high - low) || 1) * (H - top - bottom);
+  for (const [from, to] of [[x[0], ends[0]], [ends[1], x[n - 1]]]) add("rect", {x: X(from), y: top, width: Math.max(X(to) - X(from), 0), height: H - top - bottom, fill: "#e4e7ec"});
+  const path = points => points.map(([a, b], k) => `${k ? "L" : "M"}${X(a).toFixed(1)},${Y(b).toFixed(1)}`).join("");
+  const up = x.map((v, k) => [v, value[k] + half[k]]), down = x.map((v, k) => [v, value[k] - half[k]]).reverse();
+  add("path", {d: `${path([...up, ...down])}Z`, fill: "#bcd9ee"});
+  add("line", {x1: left, x2: W - right, y1: Y(0), y2: Y(0), stroke: "#5c6577"});
+  add("path", {d: path(x.map((v, k) => [v, value[k]])), fill: "none", stroke: MODEL, "stroke-width": 2.2});
+  curve.knots[0].forEach((v, k) => add("circle", {cx: X(v), cy: Y(curve.knots[1][k]), r: 3, fill: MODEL}));
+  const say = (at, text) => add("text", {"font-size": 11, fill: "#5c6577", ...at}, text);
+  for (const v of [low, high]) say({x: left - 5, y: Y(v) + 4, "text-anchor": "end"}, String(+v.toPrecision(2)));
+  for (const v of ends) say({x: X(v), y: H - bottom + 14, "text-anchor": "middle"}, String(+v.toPrecision(3)));
+  say({x: (left + W) / 2, y: H - 6, "text-anchor": "middle"}, curve.over);
+  say({x: 12, y: (top + H - bottom) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(top + H - bottom) / 2})`}, curve.what);
+  svg.setAttribute("aria-label", `learned term: ${curve.what} over ${curve.over}, data from ${+ends[0].toPrecision(3)} to ${+ends[1].toPrecision(3)}`);
+}
