@@ -5,13 +5,15 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 from tests.diagnosis.quick import effect, joint, measured, predictor_of, rich
 
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.execution.executors import InlineExecutor
+from pliant.execution.executors import Executor, InlineExecutor, ThreadExecutor, executor_for
 
 KINDS = ("stiffness", "viscoelastic", "sensor_bias")
 
@@ -29,12 +31,13 @@ class Far(InlineExecutor):
         return done
 
 
-def test_workers_change_nothing() -> None:
+@pytest.mark.parametrize("made", [Far, partial(ThreadExecutor, 3)], ids=["far", "threads"])
+def test_workers_change_nothing(made: Callable[[], Executor]) -> None:
     chain = joint()
     predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
-    far = Far()
-    here, there = diagnose(predictor, kinds=KINDS), diagnose(predictor, kinds=KINDS, workers=far)
-    assert far.calls >= len(KINDS) + 1
+    with executor_for(InlineExecutor()) as alone, executor_for(made()) as others:
+        here, there = (diagnose(predictor, kinds=KINDS, workers=one) for one in (alone, others))
+    assert getattr(others, "calls", 99) >= len(KINDS) + 1
     assert list(here.fits) == list(there.fits) and here.verdict == there.verdict
     assert here.judgement.probability == there.judgement.probability
     for kinds, fit in here.fits.items():

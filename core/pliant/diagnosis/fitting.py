@@ -19,6 +19,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import Any, cast
 
 import numpy as np
@@ -179,6 +180,7 @@ class Fitter:
         self.predictor, self.readings = predictor, readings
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
+        self._lock = Lock()  # fits may run in threads
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its points, and after the files with effects of the user's own."""
@@ -245,10 +247,13 @@ class Fitter:
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
         key = (candidate.kinds, candidate.forms, repr(candidate.configs(x)), x.tobytes(), held, parts)
-        point = self._seen.pop(key, None) or _ReadingMisfit(self, candidate, parts).point(x)
-        self._seen[key] = point
-        while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
-            self._seen.pop(next(iter(self._seen)))
+        with self._lock:
+            known = self._seen.pop(key, None)
+        point = known or _ReadingMisfit(self, candidate, parts).point(x)
+        with self._lock:
+            self._seen[key] = point
+            while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
+                self._seen.pop(next(iter(self._seen)))
         return point
 
     def _descend(

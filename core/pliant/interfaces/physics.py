@@ -40,6 +40,7 @@ class Capabilities:
         gradients: `Simulation.sensitivity` is there.
         batch: `settle_batch` or `rollout_batch` uses all cores, not one case after another.
         contacts: `build_scene` is there.
+        threads: `follow` may be called by several threads at once, and leaves Python's lock meanwhile.
         export: the format that `export` writes ("mjcf", "urdf"), empty where there is none.
     """
 
@@ -49,6 +50,7 @@ class Capabilities:
     gradients: bool = False
     batch: bool = False
     contacts: bool = False
+    threads: bool = False
     export: str = ""
 
 

@@ -189,6 +189,7 @@ class Quasistatic(PhysicsBackend):
         internal_states=True,
         gradients=True,
         batch=True,
+        threads=True,
     )
     config: QuasistaticConfig
 
