@@ -59,7 +59,7 @@ def test_the_law_has_its_states_and_what_it_misses_of_them(kit) -> None:
     run = kit.full_run()
     chart, data = law_chart(run, run.designs[0]), kit.dataset()
     trusted = data.status == "ok"
-    x, y = values(chart, 0, "states")
+    x, _ = values(chart, 0, "states")
     fitted = trusted & (data.role == "fit")
     assert np.allclose(np.sort(x), np.sort(np.degrees(data.angle_rad[fitted])))
     level = chart.panels[0].lines[0]

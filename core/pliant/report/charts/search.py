@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 
+from pliant.records.design import Array
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.figures import style
 from pliant.report.figures.search_course import MOST_PAIRS, moving_median, shown_range
@@ -23,13 +24,16 @@ def history_chart(read: SearchView) -> Chart | None:
     better = np.fmax if read.objective.maximised else np.fmin
     branch, context = np.asarray(read.result.history.branch), np.asarray(read.result.history.context)
     names, lines = read.branch_names(), []
+    winner = read.best_of_branches()[0][0] if read.best_of_branches() else -1
     for k in np.unique(branch).tolist():
         mine = np.flatnonzero(branch == k)
         x, run = np.arange(1.0, len(mine) + 1), names[k] if len(names) > 1 else ""
         lines.append(ChartLine("candidate", x, scores[mine], run, CANDIDATE, 0.0, 3.5))
         if not read.contextual:
-            best = better.accumulate(scores[mine])
-            lines.append(ChartLine("best so far", x, best, run, style.SERIES[0], 1.8))
+            won = len(names) > 1 and k == winner
+            look = (style.WARN, 2.4) if won else (style.SERIES[0], 1.8 if len(names) < 2 else 0.7)
+            at, best = _steps(x, better.accumulate(scores[mine]))
+            lines.append(ChartLine("best so far", at, best, run, *look))
             continue
         for which in np.unique(context[context >= 0]).tolist():
             rows = np.flatnonzero((context[mine] == which) & finite[mine])
@@ -63,6 +67,11 @@ def front_chart(read: SearchView) -> Chart | None:
             ChartLine("front", points[:, 0], points[:, 1], "", style.WARN, width, 6.0),
         )
         axes = [ChartAxis(o.unit.label, o.unit.symbol) for o in (one, other)]
-        below = f"{one.best_word}; {other.best_word}"
+        below = "; ".join(f"{o.unit.label}: {o.best_word}" for o in (one, other))
         panels.append(Panel(axes[0], axes[1], lines, title="The front among all candidates", below=below))
     return Chart(tuple(panels))
+
+
+def _steps(x: Array, y: Array) -> tuple[Array, Array]:
+    """Corners of a staircase that keeps each value until the next."""
+    return np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
