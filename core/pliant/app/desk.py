@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -12,20 +13,22 @@ from typing import Any
 from pydantic import ValidationError
 
 from pliant import __version__, api
-from pliant.app import leaving, work
+from pliant.app import describing, leaving, work
 from pliant.app.curves import curves, predicted_points
 from pliant.app.folder import SessionFolder, key_of
-from pliant.app.inbox import STUDIES, checked_study
+from pliant.app.inbox import STUDIES, TABLES, checked_study
 from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
-from pliant.app.unseen_runs import doubts_by_hand
+from pliant.app.showing import recording, shown
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
 from pliant.formatting import displayed_in, listed, unit_of
 from pliant.measurements.written_units import units_as_written
+from pliant.pipeline.study import chain_of_study
+from pliant.registry.discovery import discover
 from pliant.report.render import page
 from pliant.store.store import write_atomically
 
@@ -60,6 +63,9 @@ class Desk:
                 self._opened()
             if self.state.pending:
                 pending = dict(self.state.pending)
+                if pending["what"] == "describe":
+                    self.solve(self.folder.files / pending["file"])
+                    return
                 self.run(pending["what"], pending.get("kinds", ()), pending.get("learned", False))
 
     # What is there
@@ -73,7 +79,7 @@ class Desk:
         """Everything but the curves."""
         with self._lock:
             state = self.state
-            shown: dict[str, Any] = {
+            whole: dict[str, Any] = {
                 "pliant": __version__,
                 "version": state.version,
                 "study": Path(state.study).name,
@@ -84,13 +90,13 @@ class Desk:
                 "model": None,
             }
             if not state.study:
-                return shown | {"recording": self._recording()}
+                return whole | {"recording": recording(self.state.data)}
             try:
                 model = self._opened()
             except PliantError as error:
-                return shown | {"refused": str(error), "recording": self._recording()}
+                return whole | {"refused": str(error), "recording": recording(self.state.data)}
             with displayed_in(units_as_written(model.measurement)):
-                return shown | {"model": self._shown(model)}
+                return whole | {"model": self._shown(model)}
 
     def curves(self) -> dict[str, Any]:
         """The points of the pictures; they do not change with the effects."""
@@ -178,6 +184,53 @@ class Desk:
                 dropped = tuple(dict.fromkeys((*self.state.data, str(path))))
                 self._keep(PageState(self.state.study, dropped, version=self.state.version))
             self._model = None
+
+    def form(self) -> dict[str, Any]:
+        """The form that describes a robot, with the tables that were dropped."""
+        return {**describing.form(discover()), "tables": self._tables()}
+
+    def describe(self, values: Mapping[str, Any]) -> None:
+        """Write the study of a form that was filled in, solve its law, and open it.
+
+        Raises:
+            UserError: it is no study that can be read, or other work is under way.
+        """
+        with self._lock:
+            text = describing.described(values, self._tables())
+            path = self.folder.files / f"{name_of_file(Path(str(values.get('name') or 'robot')))}.yaml"
+            before = path.read_text(encoding="utf-8") if path.exists() else None
+            write_atomically(path, text)
+            try:
+                checked_study(path)
+                api.open_study(path, store=self.store)
+            except PliantError as error:
+                write_atomically(path, before) if before is not None else path.unlink()
+                raise UserError(
+                    re.sub(rf"{re.escape(str(path))}(, line \d+)?", "the form", str(error))
+                ) from None
+            table = str(values.get("table", "")) if values.get("way") == "data" else ""
+            kept = tuple(one for one in self.state.data if Path(one).name != table)
+            self._keep(replace(self.state, data=kept))
+            self.solve(path)
+
+    def solve(self, path: Path) -> None:
+        """Solve or fit the law of a study that was described, then open it."""
+
+        def go(job: Job) -> None:
+            job.words = "the law of one module; what is solved once is kept"
+            opened = api.open_study(path, store=self.store)
+            chain_of_study(opened.bench, opened.study)
+
+        def ended(job: Job, said: str) -> None:
+            with self._lock:
+                self._keep(replace(self.state, pending=None))
+                if said:
+                    self.said.append(said)
+                else:
+                    self.take(path.name)
+
+        self._keep(replace(self.state, pending={"what": "describe", "file": path.name}))
+        self.bench.begin(Job("describe", key_of("describe", path.read_text(encoding="utf-8"))), go, ended)
 
     def forget(self, name: str) -> None:
         """Leave a recording out of the session; its file stays."""
@@ -333,6 +386,11 @@ class Desk:
         self._model = (key, held)
         return held
 
+    def _tables(self) -> list[str]:
+        """Names of tables that were dropped."""
+        found = (one.name for one in self.folder.files.iterdir() if one.name[0] != ".")
+        return sorted(name for name in found if Path(name).suffix.lower() in TABLES)
+
     def _target(self, name: str) -> Path:
         stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
         return self.folder.saved / f"{stem or 'study'}.yaml"
@@ -371,55 +429,9 @@ class Desk:
             return self._now(), self.state.now
 
     def _shown(self, model: OpenModel) -> dict[str, Any]:
-        state, now = self.state, self.state.now
         if self._catalogue is None:
             self._catalogue = catalogue(model)
-        predicted = model.predicted(now.effects)
-        noise = model.noise(predicted)
-        diagnosis = self.folder.result(key_of("diagnose", model.key, now.effects))
-        of_study = self.folder.result(key_of("diagnose", model.key, model.own_effects))
-        result = self.folder.result(now.result) if now.result else None
-        own = {effect.kind for effect in model.study.effects}
-        added = [str(one["kind"]) for one in now.effects if one["kind"] not in own]
-        warnings = list(result["warnings"]) if result else []
-        warnings += work.doubts_of(added, of_study) if of_study else []
-        if result is None:
-            warnings += doubts_by_hand(model, now.effects, added, noise)
-        return {
-            "name": model.study.name,
-            "source": model.measurement.source,
-            "doubts": [doubt.sentence for doubt in model.measurement.doubts],
-            "aside": model.split.why,
-            "effects": now.effects,
-            "first": model.own_effects,
-            "own": sorted(own),
-            "off": list(now.off),
-            "catalogue": self._catalogue,
-            "cursor": state.cursor,
-            "steps": [
-                {
-                    "words": step.words,
-                    "fitted": bool(step.result),
-                    "effects": step.effects,
-                    **self._score(model, step, noise),
-                }
-                for step in state.steps
-            ],
-            "fit": result,
-            "warnings": warnings,
-            "diagnosis": diagnosis,
-            "judged": noise.judged,
-        }
-
-    def _score(self, model: OpenModel, step: PageStep, noise: Any) -> dict[str, Any]:
-        """Errors of a step over the present floor; with other runs switched off they are of its own runs."""
-        held = model.without(step.off)
-        try:
-            predicted = model.predicted(step.effects)
-        except PliantError:
-            return {"error": None, "aside": None}
-        errors = held.errors(predicted, noise)
-        return {"error": errors.fitted, "aside": errors.aside}
+        return shown(model, self.state, self.folder, self._catalogue)
 
     def _ended(self, job: Job, said: str) -> None:
         with self._lock:
@@ -439,20 +451,3 @@ class Desk:
         if what == "improve" and not found["kinds"]:
             self.said.append(str(found["sentence"]))
         self._keep(self.state.with_step(step))
-
-    def _recording(self) -> dict[str, Any] | None:
-        """How dropped recordings are understood while no study reads them."""
-        if not self.state.data:
-            return None
-        try:
-            measurement, document = api.read([str(one) for one in self.state.data], {})
-        except PliantError as error:
-            return {"refused": str(error)}
-        return {
-            "sentence": document.sentence,
-            "doubts": [doubt.sentence for doubt in measurement.doubts],
-            "columns": [
-                {"heading": one["heading"], "unit": one["unit"], "name": one["name"]}
-                for one in document.data["columns"]
-            ],
-        }

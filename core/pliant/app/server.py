@@ -139,6 +139,7 @@ def application(desk: Desk, token: str) -> Starlette:
         "save": lambda v: desk.save(str(v.get("name", ""))),
         "keep": lambda v: desk.keep(str(v["what"]), str(v.get("name", ""))),
         "yaml": lambda v: desk.as_yaml(),
+        "describe": lambda v: desk.describe(v),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,
     }
@@ -148,6 +149,7 @@ def application(desk: Desk, token: str) -> Starlette:
         "curves": lambda v: desk.curves(),
         "where": lambda v: desk.where(),
         "screen": lambda v: desk.screen(),
+        "form": lambda v: desk.form(),
     }
 
     async def result(request: Request) -> Response:
@@ -212,6 +214,7 @@ _SHIPPED = (
     "page.js",
     "pictures.js",
     "effects.js",
+    "describe.js",
     "vendor/uPlot.js",
     "vendor/uPlot.css",
 )

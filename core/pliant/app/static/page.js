@@ -33,6 +33,7 @@ async function load() {
   view = await ask("view");
   $("begin").hidden = !!view.model; $("bench").hidden = !view.model;
   if (view.said.length && view.said.join("\n") !== load.said) { load.said = view.said.join("\n"); say(view.said[view.said.length - 1]); }
+  for (const id of ["undo", "redo", "yaml", "save", "keep", "report"]) $(id).disabled = !view.model;
   if (!view.model) { begin(); return; }
   const m = view.model, key = JSON.stringify([view.study, view.data, m.name, m.off]);
   $("title").textContent = m.name; $("source").textContent = `${view.study} · ${m.source} · ${view.folder}`;
@@ -92,7 +93,7 @@ function begin() {
   hold.append(el("p", {class: "result"}, r.sentence), ...r.doubts.map(d => el("p", {class: "warning"}, d)),
     el("table", {}, el("tr", {}, ...["in the file", "unit", "read as"].map(t => el("th", {}, t))),
       ...r.columns.map(c => el("tr", {}, el("td", {}, c.heading || ""), el("td", {}, c.unit || ""), el("td", {}, c.name || "")))),
-    el("p", {}, "Now drop the study of this robot (.yaml), or let 'pliant import FILE --out NEW.yaml' write one to fill in."));
+    el("p", {}, "Now drop the study of this robot (.yaml), or describe it below; 'pliant import FILE --out NEW.yaml' writes one to fill in."));
 }
 
 // Pictures
@@ -254,6 +255,8 @@ function job(running) {
 }
 
 // What is done
+const robot = new RobotForm($("robot"), $("ways"), $("blocks"), attempt(async values => { await ask("describe", values); await beat(); }));
+$("describe").addEventListener("toggle", attempt(async () => { if ($("describe").open) robot.show(await ask("form")); }));
 const effects = new EffectList($("effects"),
   effects => preview(effects, now ? now.parts : 0, false).then(() => { draw("move"); share(); }).catch(error => say(error.message)),
   attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }));
