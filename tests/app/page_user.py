@@ -11,6 +11,7 @@ from typing import Any
 from tests.app.test_in_the_browser import LONG
 
 MOST_ROUNDS = 3  # diagnoses that lead to a tick
+POLL = 100  # ms between two questions
 NAMED = 0.5  # probability from which a user believes an explanation
 
 
@@ -29,12 +30,17 @@ class PageUser:
         self.settled()
         return shown
 
+    def until(self, holds: str) -> None:
+        """Ask the page until an expression holds; its policy lets no text be run as a script from within."""
+        for _ in range(LONG // POLL):
+            if self.page.evaluate(f"Boolean({holds})"):
+                return
+            self.page.wait_for_timeout(POLL)
+        raise TimeoutError(holds)
+
     def settled(self) -> None:
         """Wait until the page shows the server's present state, effects screened."""
-        self.page.wait_for_function(
-            "document.body.dataset.ready === String(version) && document.querySelector('#job').hidden",
-            timeout=LONG,
-        )
+        self.until("document.body.dataset.ready === String(version) && document.querySelector('#job').hidden")
 
     def look(self) -> str:
         """Where the model fails, in the page's words."""
@@ -44,7 +50,7 @@ class PageUser:
         """Diagnose; the kinds of the most probable explanation, none where nothing probable is missing."""
         before = self.page.evaluate("version")
         self.page.click("#diagnose")
-        self.page.wait_for_function(f"version > {before} && view.model.diagnosis", timeout=LONG)
+        self.until(f"version > {before} && view.model.diagnosis")
         self.settled()
         best = self.page.evaluate("view.model.diagnosis.hypotheses[0]")
         said = self.page.text_content("#verdict table tr:nth-child(2) td")
@@ -57,16 +63,15 @@ class PageUser:
         if more.count():
             more.first.click()
         self.page.check(f"#effect-{kind}")
-        self.page.wait_for_function(f"view.model.effects.some(one => one.kind === '{kind}')", timeout=LONG)
+        self.until(f"view.model.effects.some(one => one.kind === '{kind}')")
         self.settled()
 
     def fit(self) -> None:
         """Fit what is ticked."""
         steps = self.page.locator("#history li").count()
         self.page.click("#fit")
-        self.page.wait_for_function(
-            f"document.querySelectorAll('#history li').length > {steps} || !document.querySelector('#said').hidden",
-            timeout=LONG,
+        self.until(
+            f"document.querySelectorAll('#history li').length > {steps} || !document.querySelector('#said').hidden"
         )
         self.settled()
 
@@ -87,10 +92,9 @@ class PageUser:
         """`pliant improve`, by its button."""
         before = self.page.evaluate("version")
         self.page.click("#improve")
-        self.page.wait_for_function(
+        self.until(
             f"version > {before} && document.querySelector('#job').hidden && "
-            "(view.model.steps.some(s => s.words === 'improved') || !document.querySelector('#said').hidden)",
-            timeout=LONG,
+            "(view.model.steps.some(s => s.words === 'improved') || !document.querySelector('#said').hidden)"
         )
         self.settled()
 
@@ -105,7 +109,7 @@ class PageUser:
     def go_back(self, step: int) -> None:
         """Look at a step of the history, from 0."""
         self.page.click(f"#history li:nth-child({step + 1}) button")
-        self.page.wait_for_function(f"view.model.cursor === {step}", timeout=LONG)
+        self.until(f"view.model.cursor === {step}")
         self.settled()
 
     def warnings(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""A robot described in a form: installed kinds appear with their own fields, and give the study that one would write."""
+"""A robot described in a form: installed kinds appear with their fields, and give the study that one would write."""
 
 from __future__ import annotations
 
