@@ -219,3 +219,33 @@ def test_effects_that_cannot_be_are_refused(desk: Desk) -> None:
     ):
         with pytest.raises(UserError):
             desk.step((wrong,), [], "wrong")
+
+
+def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "write_an_effect.md").read_text("utf-8")
+    code = text.split("```python\n", 1)[1].split("```", 1)[0]
+    file = bench / "stiffening.py"
+    file.write_text(code)
+    study = bench / "own.yaml"
+    study.write_text((bench / "bend.yaml").read_text() + "plugins: [stiffening.py]\n")
+    desk = Desk(SessionFolder(bench / "own"), bench / "store")
+    with pytest.warns(match="stiffening.py"):  # as every command says before it runs code
+        desk.begin(study, [])
+
+    def listed() -> dict[str, object]:
+        return next(one for one in desk.view()["model"]["catalogue"] if one["kind"] == "stiffening")
+
+    assert listed()["file"] == "stiffening.py"
+    before = listed()["sliders"][0]["high"]
+    version, key = desk.pulse()["version"], desk._now().key
+    assert desk.pulse()["version"] == version
+    file.write_text(code.replace("plausible=(0.5, 5.0)", "plausible=(0.5, 8.0)") + "# other\n")
+    assert desk.pulse()["version"] > version
+    assert listed()["sliders"][0]["high"] > before
+    assert desk._now().key != key  # nothing that the former code gave is taken for the new one's
+    file.write_text("x =")
+    desk.pulse()
+    assert "not Python" in desk.view()["refused"]
+    file.write_text(code)
+    desk.pulse()
+    assert listed()["sliders"][0]["high"] == before

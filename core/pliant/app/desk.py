@@ -19,6 +19,7 @@ from pliant.app.folder import SessionFolder, key_of
 from pliant.app.inbox import STUDIES, TABLES, checked_study
 from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
+from pliant.app.own_files import Watch
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
 from pliant.app.showing import recording, shown
@@ -47,6 +48,7 @@ class Desk:
         self.said: list[str] = []
         self._model: tuple[Any, OpenModel] | None = None
         self._catalogue: list[dict[str, Any]] | None = None
+        self._watch = Watch()
         self._lock = threading.RLock()
         self._slow = threading.Lock()  # one question that takes seconds at a time; sliders do not wait for it
 
@@ -71,7 +73,9 @@ class Desk:
     # What is there
 
     def pulse(self) -> dict[str, Any]:
-        """Small enough to ask every second: whether anything changed, and what runs."""
+        """Small enough to ask every second: whether anything changed, a user's own effect too, and what runs."""
+        if changed := self._watch.changed():
+            self._reload([file.name for file in changed])
         job = self.bench.job
         return {"version": self.state.version, "job": None if job is None else job.as_json()}
 
@@ -379,6 +383,7 @@ class Desk:
         if self._model is None or self._model[0] != key:
             model = OpenModel.open(Path(self.state.study), [Path(one) for one in self.state.data], self.store)
             self._model, self._catalogue = (key, model), None
+            self._watch = Watch(model.study.plugins)
             if not self.state.steps:
                 first = PageStep(AS_IT_IS, as_effects(model.own_effects))
                 self._keep(replace(self.state, steps=(first,), cursor=0))
@@ -416,6 +421,20 @@ class Desk:
             write_atomically(target, written.read_text(encoding="utf-8"))
         else:
             work.write_by_hand(target, model, now.effects)
+
+    def _reload(self, files: Sequence[str]) -> None:
+        """A file of the study's own effects says something else: read it anew, as the command line would."""
+        with self._lock:
+            self._model = None
+            self._keep(self.state)
+            self.said.append(f"{listed(files)} changed and is read anew.")
+            try:
+                self._opened().effects(self.state.now.effects)
+            except PliantError:
+                pass  # the view says what is wrong with the file; once it is mended it is read again
+            except ValidationError:
+                self.said.append(f"The effects of this step are no longer what {listed(files)} says; undone.")
+                self._keep(self.state.at(0))
 
     def _now(self) -> OpenModel:
         with self._lock:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pliant import api
+from pliant.app.own_files import own_code
 from pliant.app.page_state import Effects
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground
@@ -238,4 +239,6 @@ class OpenModel:
         """What results depend on, as JSON values."""
         names = [(run.name, len(run)) for run in self.measurement.runs]
         study = self.study.canonical()
-        return [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]
+        read = [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]
+        own = own_code(self.bench.registry)
+        return [*read, own] if own else read
