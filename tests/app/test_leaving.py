@@ -38,11 +38,10 @@ def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: P
     said = desk.keep("commands")
     lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
     assert [line[:2] for line in lines] == [["pliant", "compare"]] * 2
-    out = CliRunner().invoke(
-        app, [*lines[-1][1:], "--json", "--store", str(bench / "store"), "--out", str(bench / "out")]
-    )
+    told, where = bench / "told.json", [f"--store={bench / 'store'}", f"--out={bench / 'out'}"]
+    out = CliRunner().invoke(app, [*lines[-1][1:], f"--json={told}", *where])
     assert out.exit_code == 0, out.output
-    found = json.loads(out.stdout)
+    found = json.loads(told.read_text())
     expected = api.compare(api.open_study(said["path"], store=bench / "store"))
     assert np.isclose(_value(found, "rmse_over_floor"), expected.rmse_over_floor)
 

@@ -12,7 +12,7 @@ from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.fitting import score
-from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.improvement import LEAST_GAIN, Improvement
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.unseen import SURE, PredictionGain, block_squares, prediction_gain
 from pliant.evidence.places import Residuals, residuals_of
@@ -40,7 +40,7 @@ def doubts_aside(
 ) -> list[str]:
     """What the runs put aside say against these kinds, which the second model has and the first has not."""
     found = aside_gain(model, before, after, noise)
-    if found is None or found[2].sure > SURE:
+    if found is None or _earns(found[2]):
         return []
     was, now, _ = found
     if now > (1.0 + RISE) * was:
@@ -49,8 +49,8 @@ def doubts_aside(
             "unseen runs become worse."
         ]
     return [
-        f"{listed(kinds)}: on the runs put aside the error goes from {was:.2f} to {now:.2f} times the noise, which is "
-        "no fall beyond its uncertainty: unseen runs do not show that it is missing."
+        f"{listed(kinds)}: on the runs put aside the error goes from {was:.2f} to {now:.2f} times the noise, no fall "
+        "of 1 % beyond its uncertainty: unseen runs do not show that it is missing."
     ]
 
 
@@ -121,13 +121,18 @@ def _doubt_left_out(found: Extension, kinds: Sequence[str], unseen: Residuals) -
     """Against the errors without these kinds on the same runs, left out of both fits."""
     floors = _floors(found.noise)
     gain = prediction_gain(block_squares(unseen, floors), block_squares(found.left_out_runs, floors))
-    if gain.sure > SURE:
+    if _earns(gain):
         return []
     was, left = (score(one, found.noise.floors).over_floor for one in (unseen, found.left_out_runs))
     return [
         f"{listed(kinds)}: runs left out of the fit are not predicted better beyond chance ({was:.2f} → {left:.2f} "
         "times the noise). A smaller fitted error is what any added number gives; take it out again."
     ]
+
+
+def _earns(gain: PredictionGain) -> bool:
+    """Whether an effect predicts better beyond doubt, and by as much as `pliant improve` asks of a step."""
+    return gain.sure > SURE and gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2
 
 
 def _floors(noise: NoiseView) -> dict[str, float]:
