@@ -171,7 +171,9 @@ def engine_table(run: FinishedRun) -> Table | None:
             *(fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
             "–" if count == 0 else small_length(float(distance[-1])),
             "–" if count == 0 else small_length(float(distance.max())),
-            effort_unit(run.designs[0].law).text(engine.result.final.residual, 2),
+            effort_unit(run.designs[0].law).text(engine.result.final.residual, 2)
+            if engine.result.final.at_rest
+            else "–",
             number(engine.result.final.converged),
             {True: "yes", False: "no", None: "not asked"}[engine.result.final.stable],
             str(engine.result.final.iterations),
