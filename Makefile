@@ -96,7 +96,7 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 
 bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, diagnosed and judged; resumable
 	$(BIN)/python -m benchmarks.evidence.run_bench --sealed
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.speed
+	$(BIN)/python -m benchmarks.evidence.speed
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.coverage
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
