@@ -22,7 +22,7 @@ test test-all: export MKL_NUM_THREADS := 1
 PYTEST := $(BIN)/python -m tests.compile_first && $(BIN)/python -m pytest -n 2 --dist loadfile
 
 test: $(VENV)/.dev  ## the fast suite: every room and every guarantee has a test in it
-	$(PYTEST)
+	$(PYTEST) --no-loadscope-reorder
 
 test-all: $(VENV)/.dev  ## every test, those marked slow too
 	$(PYTEST) --no-loadscope-reorder -m ""

@@ -14,9 +14,12 @@ settings.register_profile(
 settings.load_profile("pliant")
 
 
-@pytest.hookimpl(trylast=True)
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first: of two workers none is left alone with them at the end."""
+    """Files with slow tests first, before these are taken out of the fast suite, since their fast ones take long too.
+
+    Of two workers none is left alone with them at the end.
+    """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 

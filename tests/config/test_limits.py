@@ -47,7 +47,7 @@ HOSTILE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", slow_among(HOSTILE, "many keys", "a long list"))
+@pytest.mark.parametrize("name", slow_among(HOSTILE, "many keys", "a long list", "brackets"))
 def test_a_hostile_study_is_refused_soon_in_little_memory_and_few_words(tmp_path, name):
     text, words = HOSTILE[name]
     (tmp_path / "study.yaml").write_text(STUDY + text)

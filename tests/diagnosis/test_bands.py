@@ -159,7 +159,7 @@ def test_compare_shows_what_the_band_holds(written, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     data = tmp_path / "bench.csv"
     data.write_text(csv(measurement))
-    asked = ["compare", str(target), "--data", str(data), "--json", "c.json", "--out", "c"]
+    asked = ["compare", str(target), "--data", str(data), "--json", "c.json"]
     shown = CliRunner().invoke(app, asked)
     assert shown.exit_code == 0
     band = json.loads((tmp_path / "c.json").read_text())["band"]

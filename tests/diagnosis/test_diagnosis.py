@@ -61,7 +61,18 @@ def twice():
     return [*rich(), *more, *over]
 
 
-@pytest.mark.parametrize("kind", VALUES)
+# Seven kinds of every place stand for these in the fast suite.
+REST = [
+    "pressure_offset",
+    "dead_zone",
+    "viscous_damping",
+    "permanent_set",
+    "self_contact",
+    "thermal_softening",
+]
+
+
+@pytest.mark.parametrize("kind", slow_among(VALUES, *REST, "gravity_scale"))
 def test_one_hidden_effect_is_named_alone(kind: str, twice) -> None:
     measurement = measured(CHAIN, twice, effect(kind), seed=11)
     found = judged(measurement, kinds=sorted({*FEW, "viscous_damping", kind}))  # four that stand in for many
@@ -209,7 +220,7 @@ def test_states_without_equilibrium_are_left_out_and_told(stiff) -> None:
         above(-1.0)
 
 
-@pytest.mark.parametrize("force", [1e3, 1e6])
+@pytest.mark.parametrize("force", slow_among([1e3, 1e6], 1e3))
 def test_absurd_loads_in_one_run_name_no_wrong_effect(force: float, stiff) -> None:
     first, *runs = stiff.runs
     pulled = first.history.with_(tip_force_n=np.tile([force, 0.0, force], (len(first), 1)))

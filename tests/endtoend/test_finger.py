@@ -19,7 +19,6 @@ from pliant.cli.verbs import app
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "first_finger"
 TINY = ["fem.pressures=3", "fem.angles=3", "fem.check_states=2"]
-SMALL = ["fem.pressures=3", "fem.angles=4", "fem.check_states=3"]
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 
@@ -36,7 +35,7 @@ def runs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name in ("finger", "loaded"):
-            pliant("run", EXAMPLES / f"{name}.yaml", *SMALL, "--out", name, "--json", f"{name}.json")
+            pliant("run", EXAMPLES / f"{name}.yaml", *TINY, "--out", name, "--json", f"{name}.json")
             results[name] = json.loads((folder / f"{name}.json").read_text())
     return folder, results
 
@@ -59,7 +58,7 @@ def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_t
     page = (folder / "loaded" / "report.html").read_text()
     assert "loaded-finger" in page and 'src="http' not in page
     assert list((folder / "loaded" / "pictures").glob("*.png"))
-    pliant("run", EXAMPLES / "finger.yaml", *SMALL, "--out", "finger", "--json", "again.json")
+    pliant("run", EXAMPLES / "finger.yaml", *TINY, "--out", "finger", "--json", "again.json")
     again = json.loads((folder / "again.json").read_text())
     assert all(stage["cached"] for name in ("fem", "fit", "simulate") for stage in again[name]["stages"])
 
