@@ -48,8 +48,8 @@ from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
+from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import (
-    DesignStages,
     StudyRun,
     check_study,
     fem_of_study,

@@ -14,7 +14,7 @@ import pytest
 from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.chain import base_rotation
-from pliant.pipeline.study import chain_length_m
+from pliant.pipeline.segments import chain_length_m
 from pliant.search.problem.feasibility import require_reachable
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.testing.samples import sample_chain

@@ -15,7 +15,7 @@ from pliant.errors import UserError
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
 from pliant.pipeline.residuals import module_of
-from pliant.pipeline.study import DesignSpec, DesignStages
+from pliant.pipeline.segments import DesignSpec, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.error_bar import ErrorBar

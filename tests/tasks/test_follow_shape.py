@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.study import chain_length_m
+from pliant.pipeline.segments import chain_length_m
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.follow_shape import FollowShape, FollowShapeConfig, TargetConfig
 from pliant_plugins.tasks.ramp import FreeBending, FreeBendingConfig

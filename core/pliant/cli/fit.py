@@ -17,7 +17,8 @@ from pliant.errors import MissingDependencyError, UserError
 from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
-from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages, law_of_table, laws_of_study
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import DEFAULT_SURROGATE, law_of_table, laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document

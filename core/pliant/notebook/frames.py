@@ -9,7 +9,8 @@ import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.improvement import Improvement
-from pliant.pipeline.study import DesignStages, StudyRun
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.measurement import Measurement

@@ -21,7 +21,8 @@ from pliant.measurements.written_units import units_as_written
 from pliant.notebook import frames
 from pliant.notebook.changes import as_overrides
 from pliant.notebook.result import Result
-from pliant.pipeline.study import DesignStages, StudyRun, law_of_table, physics_of_study
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import StudyRun, law_of_table, physics_of_study
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement

@@ -19,8 +19,9 @@ from pliant.interfaces.viewer import Handle
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map, log_map
 from pliant.pipeline.chain import Module, RigidPiece, Segment, build_chain, module_like, rigid_rod, rod_module
+from pliant.pipeline.segments import DesignStages, chain_segments
 from pliant.pipeline.simulate import check_capabilities, check_terms
-from pliant.pipeline.study import DesignStages, StudyRun, chain_of_study, chain_segments, physics_of_study
+from pliant.pipeline.study import StudyRun, chain_of_study, physics_of_study
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,78 +11,40 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.problems import sentences
-from pliant.config.study import BLOCKS, Study, varied
+from pliant.config.study import BLOCKS, Study
 from pliant.errors import MissingDependencyError, UserError
 from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import require_regions
-from pliant.interfaces.meta_model import MetaModelConfig
-from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
+from pliant.interfaces.surrogate import Surrogate
 from pliant.interfaces.task import TaskConfig
 from pliant.pipeline.chain import (
-    Module,
-    RigidPiece,
-    Segment,
     build_chain,
-    family_module,
-    module_like,
-    rigid_rod,
-    rod_module,
 )
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
+from pliant.pipeline.segments import (
+    DesignSpec,
+    DesignStages,
+    chain_segments,
+    density_of,
+    distinct_designs,
+    region_densities,
+    segment_designs,
+)
 from pliant.pipeline.simulate import ChainSource, simulate_stage
-from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
+from pliant.pipeline.surrogate import law_stage, without_tables
 from pliant.pipeline.visual import seen_surface
-from pliant.pipeline.wiring import actuators_of
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
-from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
 
 DEFAULT_SURROGATE = "polynomial"
 DEFAULT_PHYSICS = "quasistatic"
-# A module of a law, a family, its density and those of its regions.
-ModuleOf = Callable[[JointLaw, ActuatorFamily, float | None, Mapping[str, float]], Module]
-OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offset_m")
-
-
-@dataclass(frozen=True)
-class DesignSpec:
-    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default).
-
-    With a `meta_model` the law comes from that; the surrogate is what a direct FEM check would fit.
-    """
-
-    family: FamilyConfig | None
-    surrogate: SurrogateConfig | None
-    meta_model: MetaModelConfig | None = None
-
-    @property
-    def name(self) -> str:
-        """The same text for the same design, however it was written."""
-        drawn = (self.family.visual, self.family.visual_scale) if self.family else None
-        configs = (self.family, self.surrogate, self.meta_model)
-        return repr([*(c.canonical() if c else None for c in configs), drawn])
-
-
-@dataclass(frozen=True)
-class DesignStages:
-    """One distinct design of the chain with its data and law."""
-
-    design: DesignSpec
-    fem: Artifact | None
-    law: LawStage
-
-    @property
-    def family(self) -> FamilyConfig | None:
-        """The family's config with the design's parameters; None without a family."""
-        return self.design.family
 
 
 @dataclass(frozen=True)
@@ -281,141 +243,6 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
     return tuple(found)
 
 
-def chain_segments(
-    bench: Workbench,
-    study: Study,
-    stages: Sequence[DesignStages],
-    module_of: ModuleOf = family_module,
-) -> list[Segment]:
-    """The segments of the study's chain, for `build_chain`.
-
-    `module_of` makes a module, called as `family_module`.
-    """
-    chain: ChainConfig = study.need("chain", "a simulation")
-    made = {s.design.name: s for s in stages}
-    families = {name: _family_module(bench, study, s, module_of) for name, s in made.items()}
-    configs, designs = chain.as_segments(), segment_designs(study)
-    modules = [
-        (families[design.name] or _rod(segment, chain, made[design.name].law.law)) if design else None
-        for segment, design in zip(configs, designs, strict=True)
-    ]
-    segments = []
-    like = next(
-        module for module in modules if module is not None
-    )  # whose length and section rigid pieces take
-    for segment, module in zip(configs, modules, strict=True):
-        like = module or like
-        piece: Module | RigidPiece | None = module
-        if (rigid := segment.rigid) is not None:
-            length = rigid.along_m(like.length_m)
-            if rigid.section == "module":
-                piece = module_like(like, length, rigid.mass_kg)
-            else:
-                piece = rigid_rod(length, rigid.mass_kg or 0.0, rigid.radius_m)
-        assert piece is not None
-        own = actuators_of(segment.actuators)
-        segments.append(
-            Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share, own)
-        )
-    return segments
-
-
-def _family_module(
-    bench: Workbench,
-    study: Study,
-    stages: DesignStages,
-    module_of: ModuleOf,
-) -> Module | None:
-    """A module of the design's family, or None without one."""
-    chain = study.need("chain", "a simulation")
-    if stages.design.family is None:
-        return None
-    if any(getattr(owner, name) for owner in (chain, *chain.segments) for name in OF_RODS):
-        raise UserError(
-            "'module_length', 'module_mass', 'module_radius' and 'module_offset' are for chains without a "
-            "'family' block; here the family gives them."
-        )
-    family: ActuatorFamily = bench.build("family", stages.design.family)
-    density = _density(study)
-    if density is None and np.any(chain.gravity_m_s2):
-        raise UserError(
-            "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
-        )
-    return module_of(stages.law.law, family, density, _region_densities(study))
-
-
-def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
-    length, mass, radius, offset = (_of_rod(segment, chain, name) for name in OF_RODS)
-    return rod_module(law, length, mass, radius, offset)
-
-
-def _of_rod(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
-    """A measure of a module without a family: the segment's own or else the chain's; its length must be given."""
-    own = getattr(segment, name)
-    value = getattr(chain, name) if own is None else own
-    if value is None and name == "module_length_m":
-        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
-    return value
-
-
-def chain_length_m(bench: Workbench, study: Study) -> float:
-    """Length of the study's chain at rest, from its families or rods alone, before any law is made.
-
-    Raises:
-        UserError: no chain, or a module without a length.
-        InvalidDesignError: a family that cannot be built.
-    """
-    chain: ChainConfig = study.need("chain", "a chain's length")
-    segments = chain.as_segments()
-    lengths: list[float | None] = []
-    for segment, design in zip(segments, segment_designs(study), strict=True):
-        if design is None:
-            lengths.append(None)
-        elif design.family is not None:
-            lengths.append(float(bench.build("family", design.family).module_length_m))
-        else:
-            lengths.append(_of_rod(segment, chain, "module_length_m"))
-    total, like = 0.0, next(length for length in lengths if length is not None)
-    for segment, length in zip(segments, lengths, strict=True):
-        like = length or like
-        total += like * (segment.modules or 0) if segment.rigid is None else segment.rigid.along_m(like)
-    return total
-
-
-def segment_designs(study: Study) -> list[DesignSpec | None]:
-    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
-
-    A segment with a surrogate of its own does not take the meta-model's law.
-
-    Raises:
-        UserError: a segment changes a family in a way that is not possible.
-    """
-    if study.chain is None:
-        return [DesignSpec(study.family, study.surrogate, study.meta_model if study.family else None)]
-    designs: list[DesignSpec | None] = []
-    for number, segment in enumerate(study.chain.as_segments()):
-        if segment.rigid is not None:
-            designs.append(None)
-            continue
-        family: Any = study.family
-        if segment.family and family is None:
-            raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
-        try:
-            family = varied(family, segment.family) if segment.family else family
-        except ValueError as error:
-            raise UserError(f"chain.segments.{number}.family: {error}") from None
-        own = segment.surrogate is not None or family is None
-        designs.append(
-            DesignSpec(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
-        )
-    return designs
-
-
-def distinct_designs(study: Study) -> list[DesignSpec]:
-    """What the chain's modules are made of, each design once."""
-    return list({design.name: design for design in segment_designs(study) if design is not None}.values())
-
-
 def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
@@ -429,9 +256,9 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "segments": pieces,
         "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
-        "density_kg_m3": _density(study),
+        "density_kg_m3": density_of(study),
     }
-    if own := _region_densities(study):
+    if own := region_densities(study):
         config["region_densities_kg_m3"] = own
     components = [bench.component("family", study.family)] if study.family else []
     components += law_components(bench, stages)
@@ -454,13 +281,3 @@ def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
 
 def _default(bench: Workbench, interface: str, kind: str) -> Any:
     return bench.registry.get(interface, kind).config_model()(kind=kind)
-
-
-def _density(study: Study) -> float | None:
-    return float(study.material.density_kg_m3) if study.material else None
-
-
-def _region_densities(study: Study) -> dict[str, float]:
-    """Density by region of the module."""
-    regions = study.material.of_regions() if study.material else {}
-    return {name: float(config.density_kg_m3) for name, config in regions.items()}

@@ -23,7 +23,8 @@ from pliant.formatting import (
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.learning import learning_stage
 from pliant.pipeline.residuals import as_scored, module_of, module_of_axes
-from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.surrogate import LawStage, study_law_beside
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array

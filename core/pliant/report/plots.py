@@ -11,7 +11,8 @@ import numpy as np
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.improvement import Improvement
 from pliant.formatting import actuation_unit, deformation_unit, display_unit, effort_unit, number, unit_of
-from pliant.pipeline.study import DesignStages, StudyRun
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.measurement import Measurement

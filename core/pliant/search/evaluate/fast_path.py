@@ -25,16 +25,9 @@ from pliant.pipeline.meta_model.designs import (
     values_of,
 )
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
+from pliant.pipeline.segments import DesignSpec, DesignStages, chain_segments, distinct_designs
 from pliant.pipeline.simulate import check_capabilities, run_task
-from pliant.pipeline.study import (
-    DesignSpec,
-    DesignStages,
-    chain_segments,
-    distinct_designs,
-    needs_fem,
-    own_law,
-    physics_of_study,
-)
+from pliant.pipeline.study import needs_fem, own_law, physics_of_study
 from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

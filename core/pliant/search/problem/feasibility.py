@@ -12,7 +12,7 @@ import scipy
 
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Value, Variable
-from pliant.pipeline.study import chain_length_m
+from pliant.pipeline.segments import chain_length_m
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.search.problem.search_problem import NO_NUMBER, SearchProblem

@@ -14,8 +14,9 @@ from pliant.execution.progress import bar_of
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.pipeline.meta_model.designs import parameters_of, scored_states, spoken
+from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.simulate import simulate_stage
-from pliant.pipeline.study import DesignStages, chain_of_study, laws_of_study, physics_of_study
+from pliant.pipeline.study import chain_of_study, laws_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
