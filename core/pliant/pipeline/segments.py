@@ -1,0 +1,212 @@
+"""The segments of a study's chain: what their modules are made of, and the pieces that they become."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pliant.config.chain import ChainConfig, SegmentConfig
+from pliant.config.study import Study, varied
+from pliant.errors import UserError
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.interfaces.meta_model import MetaModelConfig
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.pipeline.chain import (
+    Module,
+    RigidPiece,
+    Segment,
+    family_module,
+    module_like,
+    rigid_rod,
+    rod_module,
+)
+from pliant.pipeline.surrogate import LawStage
+from pliant.pipeline.wiring import actuators_of
+from pliant.pipeline.workbench import Workbench
+from pliant.records.law import JointLaw
+from pliant.store.store import Artifact
+
+# A module of a law, a family, its density and those of its regions.
+ModuleOf = Callable[[JointLaw, ActuatorFamily, float | None, Mapping[str, float]], Module]
+OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offset_m")
+
+
+@dataclass(frozen=True)
+class DesignSpec:
+    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default).
+
+    With a `meta_model` the law comes from that; the surrogate is what a direct FEM check would fit.
+    """
+
+    family: FamilyConfig | None
+    surrogate: SurrogateConfig | None
+    meta_model: MetaModelConfig | None = None
+
+    @property
+    def name(self) -> str:
+        """The same text for the same design, however it was written."""
+        drawn = (self.family.visual, self.family.visual_scale) if self.family else None
+        configs = (self.family, self.surrogate, self.meta_model)
+        return repr([*(c.canonical() if c else None for c in configs), drawn])
+
+
+@dataclass(frozen=True)
+class DesignStages:
+    """One distinct design of the chain with its data and law."""
+
+    design: DesignSpec
+    fem: Artifact | None
+    law: LawStage
+
+    @property
+    def family(self) -> FamilyConfig | None:
+        """The family's config with the design's parameters; None without a family."""
+        return self.design.family
+
+
+def segment_designs(study: Study) -> list[DesignSpec | None]:
+    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
+
+    A segment with a surrogate of its own does not take the meta-model's law.
+
+    Raises:
+        UserError: a segment changes a family in a way that is not possible.
+    """
+    if study.chain is None:
+        return [DesignSpec(study.family, study.surrogate, study.meta_model if study.family else None)]
+    designs: list[DesignSpec | None] = []
+    for number, segment in enumerate(study.chain.as_segments()):
+        if segment.rigid is not None:
+            designs.append(None)
+            continue
+        family: Any = study.family
+        if segment.family and family is None:
+            raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
+        try:
+            family = varied(family, segment.family) if segment.family else family
+        except ValueError as error:
+            raise UserError(f"chain.segments.{number}.family: {error}") from None
+        own = segment.surrogate is not None or family is None
+        designs.append(
+            DesignSpec(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
+        )
+    return designs
+
+
+def distinct_designs(study: Study) -> list[DesignSpec]:
+    """What the chain's modules are made of, each design once."""
+    return list({design.name: design for design in segment_designs(study) if design is not None}.values())
+
+
+def chain_segments(
+    bench: Workbench,
+    study: Study,
+    stages: Sequence[DesignStages],
+    module_of: ModuleOf = family_module,
+) -> list[Segment]:
+    """The segments of the study's chain, for `build_chain`.
+
+    `module_of` makes a module, called as `family_module`.
+    """
+    chain: ChainConfig = study.need("chain", "a simulation")
+    made = {s.design.name: s for s in stages}
+    families = {name: _family_module(bench, study, s, module_of) for name, s in made.items()}
+    configs, designs = chain.as_segments(), segment_designs(study)
+    modules = [
+        (families[design.name] or _rod(segment, chain, made[design.name].law.law)) if design else None
+        for segment, design in zip(configs, designs, strict=True)
+    ]
+    segments = []
+    like = next(
+        module for module in modules if module is not None
+    )  # whose length and section rigid pieces take
+    for segment, module in zip(configs, modules, strict=True):
+        like = module or like
+        piece: Module | RigidPiece | None = module
+        if (rigid := segment.rigid) is not None:
+            length = rigid.along_m(like.length_m)
+            if rigid.section == "module":
+                piece = module_like(like, length, rigid.mass_kg)
+            else:
+                piece = rigid_rod(length, rigid.mass_kg or 0.0, rigid.radius_m)
+        assert piece is not None
+        own = actuators_of(segment.actuators)
+        segments.append(
+            Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share, own)
+        )
+    return segments
+
+
+def _family_module(
+    bench: Workbench,
+    study: Study,
+    stages: DesignStages,
+    module_of: ModuleOf,
+) -> Module | None:
+    """A module of the design's family, or None without one."""
+    chain = study.need("chain", "a simulation")
+    if stages.design.family is None:
+        return None
+    if any(getattr(owner, name) for owner in (chain, *chain.segments) for name in OF_RODS):
+        raise UserError(
+            "'module_length', 'module_mass', 'module_radius' and 'module_offset' are for chains without a "
+            "'family' block; here the family gives them."
+        )
+    family: ActuatorFamily = bench.build("family", stages.design.family)
+    density = density_of(study)
+    if density is None and np.any(chain.gravity_m_s2):
+        raise UserError(
+            "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
+        )
+    return module_of(stages.law.law, family, density, region_densities(study))
+
+
+def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
+    length, mass, radius, offset = (_of_rod(segment, chain, name) for name in OF_RODS)
+    return rod_module(law, length, mass, radius, offset)
+
+
+def _of_rod(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
+    """A measure of a module without a family: the segment's own or else the chain's; its length must be given."""
+    own = getattr(segment, name)
+    value = getattr(chain, name) if own is None else own
+    if value is None and name == "module_length_m":
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    return value
+
+
+def chain_length_m(bench: Workbench, study: Study) -> float:
+    """Length of the study's chain at rest, from its families or rods alone, before any law is made.
+
+    Raises:
+        UserError: no chain, or a module without a length.
+        InvalidDesignError: a family that cannot be built.
+    """
+    chain: ChainConfig = study.need("chain", "a chain's length")
+    segments = chain.as_segments()
+    lengths: list[float | None] = []
+    for segment, design in zip(segments, segment_designs(study), strict=True):
+        if design is None:
+            lengths.append(None)
+        elif design.family is not None:
+            lengths.append(float(bench.build("family", design.family).module_length_m))
+        else:
+            lengths.append(_of_rod(segment, chain, "module_length_m"))
+    total, like = 0.0, next(length for length in lengths if length is not None)
+    for segment, length in zip(segments, lengths, strict=True):
+        like = length or like
+        total += like * (segment.modules or 0) if segment.rigid is None else segment.rigid.along_m(like)
+    return total
+
+
+def density_of(study: Study) -> float | None:
+    return float(study.material.density_kg_m3) if study.material else None
+
+
+def region_densities(study: Study) -> dict[str, float]:
+    """Density by region of the module."""
+    regions = study.material.of_regions() if study.material else {}
+    return {name: float(config.density_kg_m3) for name, config in regions.items()}
