@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
-playwright = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
-
 from benchmarks.page_users import played, specs
 
 from .test_in_the_browser import CHROMIUM
