@@ -223,7 +223,7 @@ function verdict(m) {
   const hold = $("verdict"), d = m.diagnosis, f = m.fit; hold.replaceChildren();
   const link = (name, text) => el("a", {href: `/result/${name}?token=${encodeURIComponent(token)}`, target: "_blank", rel: "noopener"}, text);
   if (f && f.what === "improve") {
-    hold.append(el("p", {class: "result"}, f.sentence), el("p", {class: "soft"}, f.reason),
+    hold.append(el("p", {class: "result"}, f.sentence), f.sentence.includes(f.reason) ? "" : el("p", {class: "soft"}, f.reason),
       el("table", {}, el("tr", {}, el("th", {}, "step of improve"), el("th", {class: "n"}, "put aside"), el("th", {class: "n"}, "left out")),
         ...f.steps.map(s => el("tr", {}, el("td", {}, s.words), el("td", {class: "n"}, s.aside === null ? "–" : `${s.aside.toFixed(2)} ± ${s.se.toFixed(2)}`), el("td", {class: "n"}, s.training.toFixed(2))))));
     if (f.learned) {
