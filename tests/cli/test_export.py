@@ -153,6 +153,8 @@ def test_a_chain_without_a_family_has_no_meshes(pliant, workplace) -> None:
         (["--out", "robot.txt", "--format", "urdff"], "did you mean 'urdf'"),
         (["--out", "/proc/pliant/robot.xml"], "cannot be written"),
         (["--out", "."], "is a folder"),
+        (["--out", "robot.urdf", "--part", "scene"], "--part scene is for MJCF"),
+        (["--out", "robot.xml", "--part", "scene"], "has no scene"),
     ],
 )
 def test_wrong_input_is_one_sentence(pliant, study, arguments, says) -> None:

@@ -15,19 +15,21 @@ from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.exporting.law_files import ENDINGS, LAW_FORMATS, write_laws
 from pliant.exporting.written_law import NOT_WRITTEN, has_form
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.task import SceneTask, Task
 from pliant.meshing.stl import write_stl
 from pliant.meshing.surfaces import welded
 from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.motion import drawn_chain, surface_at_rest
-from pliant.pipeline.study import StudyRun, check_study, laws_of_study
+from pliant.pipeline.study import StudyRun, check_study, laws_of_study, physics_of_study
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
 from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
 
 # Endings that do not name their format themselves.
 FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
-STL = "stl"
+STL, SCENE = "stl", "mjcf"
 ACTS = {
     "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
     "inputs. Without it the file is a spring with the stiffness at rest.",
@@ -73,7 +75,10 @@ def export(
     ] = None,
     part: Annotated[
         str,
-        typer.Option("--part", help="stl: 'chain', at rest in the world, or one 'module' in its own frame."),
+        typer.Option(
+            "--part",
+            help="'chain'; stl: one 'module' in its own frame; mjcf: the task's 'scene', fingers and objects.",
+        ),
     ] = "chain",
     scale: Annotated[
         float,
@@ -97,8 +102,10 @@ def export(
         here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
         here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
         return
-    if part != "chain" or scale != 1.0:
-        raise UserError("--part and --scale are for STL; MJCF and URDF hold the whole chain in metres.")
+    if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
+        raise UserError(
+            "--scale and --part module are for STL, --part scene is for MJCF; other files hold the chain in metres."
+        )
     if wanted in LAW_FORMATS:
         _export_law(here, loaded, out, wanted)
         return
@@ -107,8 +114,11 @@ def export(
     check_writable(out.parent)
     bench = here.bench()
     carried = carried_chain(bench, loaded)
-    looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
-    files = engine.export(carried.chain, out, looks)
+    if part == "scene":
+        files = _write_scene(bench, loaded, carried.chain, engine, out)
+    else:
+        looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
+        files = engine.export(carried.chain, out, looks)
     here.result.update(
         {"files": list(files), "format": engine.capabilities.export, "left_out": carried.left_out}
     )
@@ -123,6 +133,21 @@ def export(
         here.say(ACTS[engine.capabilities.export])
     for sentence in carried.sentences:
         here.say(sentence)
+
+
+def _write_scene(
+    bench: Workbench, study: Study, chain: ChainModel, engine: PhysicsBackend, out: Path
+) -> tuple[Path, ...]:
+    """The scene of the study's task; with the settings of the study's engine where that one writes the format."""
+    task: Task | SceneTask = bench.build("task", study.need("task", "a scene"))
+    if not isinstance(task, SceneTask):
+        raise UserError(
+            f"task '{task.config.kind}' has no scene; give a task with contact, such as 'grasp', or leave --part out."
+        )
+    own: PhysicsBackend = bench.build("physics", physics_of_study(bench, study))
+    if own.capabilities.contacts and own.capabilities.export == engine.capabilities.export:
+        engine = own
+    return engine.export_scene(task.scene(chain), out)
 
 
 def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
