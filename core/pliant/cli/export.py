@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
@@ -29,7 +30,7 @@ from pliant.registry.discovery import Registry
 
 # Endings that do not name their format themselves.
 FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
-STL, SCENE = "stl", "mjcf"
+STL, SCENE, REACHABLE = "stl", "mjcf", "reachable"
 ACTS = {
     "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
     "inputs. Without it the file is a spring with the stiffness at rest.",
@@ -70,7 +71,8 @@ def export(
         str | None,
         typer.Option(
             "--format",
-            help="mjcf, urdf, stl, c, numpy, torch, jax or json; by the file's ending where it is left out.",
+            help="mjcf, urdf, stl, c, numpy, torch, jax or json, by the file's ending where it is left out; or "
+            "reachable (.csv).",
         ),
     ] = None,
     part: Annotated[
@@ -88,13 +90,17 @@ def export(
     """The robot as MJCF or URDF with its law and surfaces beside it, its law alone, or its surface as STL.
 
     Beside MJCF stands a Python module that lets it act in plain MuJoCo, beside URDF the law as JSON with a reader. The
-    law alone is written as C, NumPy, torch, JAX or JSON. An STL of one module needs no FEM.
+    law alone is written as C, NumPy, torch, JAX or JSON. An STL of one module needs no FEM. The format reachable writes
+    where the tip can go, as a table and as a picture.
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
     loaded = here.study(study, overrides)
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
+    if wanted == REACHABLE:
+        _export_reachable(here, loaded, out)
+        return
     if wanted == STL:
         surface = surface_of(here.bench(), loaded, part, scale)
         check_writable(out.parent)
@@ -133,6 +139,36 @@ def export(
         here.say(ACTS[engine.capabilities.export])
     for sentence in carried.sentences:
         here.say(sentence)
+
+
+def _export_reachable(here: Session, study: Study, out: Path) -> None:
+    """Equilibria over the whole range of the inputs as a table, and a picture beside it."""
+    from pliant.report.figures.reachable import reachable_picture  # matplotlib takes a second to import
+
+    if out.suffix.lower() != ".csv":
+        raise UserError(f"--out {out.name}: the reachable set is a table; give it the ending .csv.")
+    study.need("chain", "a reachable set")
+    check_writable(out.parent)
+    bounds = getattr(study.task, "bounds", None)  # of the task reach
+    inverse = api.inverse(api.OpenStudy(study, here.bench()), bounds)
+    found, picture = inverse.reachable, out.with_suffix(".png")
+    found.write(out)
+    reachable_picture(found, inverse.bounds, picture)
+    outside = int((~found.inside).sum())
+    here.result.update(
+        {
+            "files": [out, picture],
+            "format": REACHABLE,
+            "equilibria": len(found.actuation),
+            "outside_data": outside,
+            "limits_m": found.limits_m,
+        }
+    )
+    here.say(f"written  {out} ({len(found.actuation)} equilibria)\nwritten  {picture}")
+    limits = zip("xyz", 1e3 * found.limits_m, strict=True)
+    here.say(f"The tip reaches {', '.join(f'{k} {low:.4g} to {high:.4g} mm' for k, (low, high) in limits)}.")
+    if outside:
+        here.say(f"{outside} of them lie beyond the data of a law.")
 
 
 def _write_scene(
