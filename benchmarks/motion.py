@@ -162,7 +162,9 @@ def study(folder: Path, **said: str) -> api.OpenStudy:
 
 def motion(opened: api.OpenStudy) -> tuple[Rollout, dict[str, Any]]:
     """What the study's task left."""
-    result = api.simulate(opened).engines[0].artifact.value
+    made = api.simulate(opened).engines[0].artifact
+    assert made is not None
+    result = made.value
     return result.rollout, dict(result.metrics)
 
 

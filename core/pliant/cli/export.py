@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from pliant import api
@@ -154,7 +155,7 @@ def _export_reachable(here: Session, study: Study, out: Path) -> None:
     found, picture = inverse.reachable, out.with_suffix(".png")
     found.write(out)
     reachable_picture(found, inverse.bounds, picture)
-    outside = int((~found.inside).sum())
+    outside = int(np.count_nonzero(found.inside == 0))
     here.result.update(
         {
             "files": [out, picture],

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.inverse.reachable import Reachable
 from pliant.records.design import Array
@@ -31,15 +32,15 @@ def reachable_picture(reachable: Reachable, bounds: Array, path: Path) -> None:
     shown = np.concatenate([reachable.markers_m.reshape(-1, 3), tips])
     planes = upright_planes(np.ptp(shown, axis=0))
     planes += [TOP] if len(planes) > 1 else []
-    at_limit = is_at_limit(reachable, bounds)
+    at_limit, has_data = is_at_limit(reachable, bounds), np.asarray(reachable.inside, bool)
     with style.canvas(640 * len(planes), 700, pad=(0.08, 0.1)) as figure:
         row = figure.subplots(1, len(planes), squeeze=False)[0]
         for axes, plane in zip(row, planes, strict=True):
             _draw_chains(axes, reachable, plane)
             for chosen, colour, look in (
-                (~at_limit & reachable.inside, WITHIN, {"alpha": 0.6}),
-                (at_limit & reachable.inside, AT_LIMIT, {}),
-                (~reachable.inside, NO_DATA, {"mfc": "none"}),
+                (~at_limit & has_data, WITHIN, {"alpha": 0.6}),
+                (at_limit & has_data, AT_LIMIT, {}),
+                (~has_data, NO_DATA, {"mfc": "none"}),
             ):
                 axes.plot(
                     *style.flat(tips[chosen], plane), ".", ms=4.5, color=colour, mew=0.6, zorder=3, **look
@@ -58,14 +59,14 @@ def reachable_picture(reachable: Reachable, bounds: Array, path: Path) -> None:
             style.heading(axes, f"Tip in {' and '.join('xyz'[k] for k in plane)}", f"limits {spans} mm")
         entries = [style.entry("inputs within their range", ".", color=WITHIN)]
         entries.append(style.entry("an input at its limit", ".", color=AT_LIMIT))
-        if not reachable.inside.all():
+        if not has_data.all():
             entries.append(style.entry("beyond the data of a law", ".", color=NO_DATA, mfc="none"))
         style.key_below(figure, entries)
         with whole_file(path) as partial:
             figure.savefig(partial, format=path.suffix[1:].lower(), dpi=style.DPI)
 
 
-def is_at_limit(reachable: Reachable, bounds: Array) -> Array:
+def is_at_limit(reachable: Reachable, bounds: Array) -> NDArray[np.bool_]:
     """(s,) whether any input stands at the low or high end of its range."""
     shares = (reachable.actuation - bounds[:, 0]) / np.ptp(bounds, axis=1)
     return np.asarray(np.any((shares < NEAR_LIMIT) | (shares > 1.0 - NEAR_LIMIT), axis=1))
