@@ -158,7 +158,7 @@ class StateHeader:
                 self.factors[name] *= -1
         for name in self.factors:
             if slope := _SLOPE.fullmatch(name):
-                self.factors[name] = self._of_slope(*slope.groups(), by_input="_dp" in name)
+                self.factors[name] = self._of_slope(slope)
 
     @property
     def inputs(self) -> list[str]:
@@ -181,14 +181,13 @@ class StateHeader:
             self.stated[name] = unit
             self.factors[name] = conversion(unit, si, where)[0]
 
-    def _of_slope(
-        self, effort: str, axis: str | None, place: str | None, along: str | None, by_input: bool
-    ) -> float:
+    def _of_slope(self, slope: re.Match[str]) -> float:
         """Factor to SI of a slope, which is in the units and signs of the columns that it is of."""
+        effort, axis, place, along = slope.groups()
         names = REVOLUTE if effort == "moment" else PRISMATIC
         u, of = (name.split("_", 1) for name in names[:2])
         of_input = [*self.inputs, ""][int(place or 1) - 1 : int(place or 1)]
-        divisor = "".join(of_input) if by_input else f"{u[0]}{along or ''}_{u[1]}"
+        divisor = "".join(of_input) if "_dp" in slope[0] else f"{u[0]}{along or ''}_{u[1]}"
         return self.factors.get(f"{of[0]}{axis or ''}_{of[1]}", 1.0) / self.factors.get(divisor, 1.0)
 
     @property

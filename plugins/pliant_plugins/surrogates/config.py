@@ -197,7 +197,7 @@ class TableConfig(SurrogateConfig):
 
 
 class NeuralConfig(SurrogateConfig):
-    """A law from a small network of an energy, fitted to states or to a table, of one to three axes."""
+    """A law from a small network of an energy, fitted to states or to a table, of one to three axes and any inputs."""
 
     kind: Literal["neural"] = "neural"
     units: int = Field(default=48, ge=4, le=256, description="units of the network's one hidden layer")

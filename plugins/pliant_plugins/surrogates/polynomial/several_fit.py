@@ -112,8 +112,7 @@ def _degrees(system: _System) -> list[tuple[int, int]]:
     fitting = [
         (count, degrees)
         for degrees in DEGREES
-        if (count := len(system.terms(degrees)))
-        <= min(MOST_TERMS * system.equations, MOST_OF_ALL)
+        if (count := len(system.terms(degrees))) <= min(MOST_TERMS * system.equations, MOST_OF_ALL)
     ]
     return [degrees for _, degrees in sorted(fitting)]
 
