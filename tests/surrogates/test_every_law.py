@@ -25,7 +25,7 @@ from pliant.errors import UserError
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import JointLaw, LawRecord
 from pliant.store.codec import decode, encode
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import opposed_table, softening_law, table_of
 from pliant_plugins.physics.compiled.laws import law_address
 from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
@@ -37,6 +37,7 @@ STABLE: dict[str, JointLaw] = {
     "even": replace(WAVY, odd=0.0),
     "stated": STATED["stated"],
     "table": TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    "table of two inputs": TableSurrogate(TableConfig()).fit_module(opposed_table()).law,
     **{f"energy {k}": energy_law(k) for k in AXES},
     **{f"network {k}": network_law(k) for k in AXES},
     "network of two inputs": network_law(1, m=2),

@@ -181,7 +181,10 @@ class TableAxesConfig(FrozenModel):
 
 
 class TableConfig(SurrogateConfig):
-    """A law interpolated from measurements or FEM, of one axis, or `axes`: three of them for a spherical joint."""
+    """A law interpolated from measurements or FEM, of one axis, or `axes`: three of them for a spherical joint.
+
+    Of one axis it may have up to three actuations.
+    """
 
     kind: Literal["table"] = "table"
     axes: TableAxesConfig | None = Field(
