@@ -28,7 +28,7 @@ from pliant_plugins.surrogates.table import spline
 # Of slopes by coordinates in [0, 1]: they are steeper than the values and would rule the fit.
 SLOPE_WEIGHT = 0.1
 # Fewest and most cells along an actuation and along u, by the number of actuations.
-CELLS = {1: ((3, 12), (6, 16)), 2: ((2, 5), (4, 8)), 3: ((1, 2), (3, 5))}
+CELLS = {1: ((3, 12), (6, 16)), 2: ((2, 4), (3, 6)), 3: ((1, 2), (2, 3))}
 FOLDS, SEED = 8, 0
 SMOOTHING = tuple(10.0**k for k in range(-10, 3, 2))
 FINER = (0.01, 0.1, 1.0, 10.0, 100.0)

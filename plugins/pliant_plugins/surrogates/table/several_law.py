@@ -3,9 +3,9 @@
     τ(a, u) = T(ã, u) + Σ_j (a_j − ã_j) G_j,   T = Σ c_{i…j} Π_d B_i(x_d) B_j(v),   ã = â + L tanh(δ/L)
 
 with B uniform cubic B-splines over the box, δ how far an actuation lies outside it and â the nearest place in it.
-Outside the box each B goes on along its tangent, so T is multilinear there and τ is C¹. The actuations' influence on the
-stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box is left), and G_j,
-the gain at the border at rest, pushes on without end and without changing the stiffness.
+Outside the box each B goes on along its tangent, so T is multilinear there and τ is C¹. The actuations' influence on
+the stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box is left), and
+G_j, the gain at the border at rest, pushes on without end and without changing the stiffness.
 """
 
 from __future__ import annotations
