@@ -71,7 +71,9 @@ bench-families: $(VENV)/.run  ## FEM of the families against published curves, a
 	$(BIN)/python -m benchmarks.families.helical
 	$(BIN)/python -m benchmarks.families.translational
 	$(BIN)/python -m benchmarks.families.tendon_joint --sensitivity
+	$(BIN)/python -m benchmarks.families.tendon_finger
 	$(BIN)/python -m benchmarks.families.several_chambers
+	$(BIN)/python -m benchmarks.families.fibre_reinforced
 	$(BIN)/python -m benchmarks.families.sampling --helical
 	$(BIN)/python -m benchmarks.families.gripper_designs
 	$(BIN)/python -m benchmarks.families.chain_hypothesis
@@ -94,7 +96,7 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 
 bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, diagnosed and judged; resumable
 	$(BIN)/python -m benchmarks.evidence.run_bench --sealed
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.speed
+	$(BIN)/python -m benchmarks.evidence.speed
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.coverage
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable

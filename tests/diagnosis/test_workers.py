@@ -5,13 +5,17 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 from tests.diagnosis.quick import effect, joint, measured, predictor_of, rich
 
+from pliant.diagnosis import fitting
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.execution.executors import InlineExecutor
+from pliant.errors import UserError
+from pliant.execution.executors import Executor, InlineExecutor, ThreadExecutor, executor_for
 
 KINDS = ("stiffness", "viscoelastic", "sensor_bias")
 
@@ -29,13 +33,29 @@ class Far(InlineExecutor):
         return done
 
 
-def test_workers_change_nothing() -> None:
+@pytest.mark.parametrize("made", [Far, partial(ThreadExecutor, 3)], ids=["far", "threads"])
+def test_workers_change_nothing(made: Callable[[], Executor]) -> None:
     chain = joint()
     predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
-    far = Far()
-    here, there = diagnose(predictor, kinds=KINDS), diagnose(predictor, kinds=KINDS, workers=far)
-    assert far.calls >= len(KINDS) + 1
+    with executor_for(InlineExecutor()) as alone, executor_for(made()) as others:
+        here, there = (diagnose(predictor, kinds=KINDS, workers=one) for one in (alone, others))
+    assert getattr(others, "calls", 99) >= len(KINDS) + 1
     assert list(here.fits) == list(there.fits) and here.verdict == there.verdict
     assert here.judgement.probability == there.judgement.probability
     for kinds, fit in here.fits.items():
         np.testing.assert_array_equal(fit.x, there.fits[kinds].x)
+
+
+class Cluster(Far):
+    """Workers that may have other code."""
+
+    remote = True
+
+
+def test_a_worker_with_other_code_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = joint()
+    predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
+    fingerprints = iter(["of the driver", "of the driver", "of another version"])
+    monkeypatch.setattr(fitting, "code_of", lambda modules: next(fingerprints))
+    with pytest.raises(UserError, match="another version of Pliant, of a plugin or of a library"):
+        diagnose(predictor, kinds=KINDS, workers=Cluster())

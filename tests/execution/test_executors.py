@@ -16,8 +16,10 @@ from pliant.execution.executors import (
     FuturesExecutor,
     InlineExecutor,
     ProcessExecutor,
+    ThreadExecutor,
     executor_for,
     one_thread_each,
+    own_threads,
 )
 from pliant.execution.jobs import JobQueue
 from pliant.execution.progress import LogBar
@@ -63,6 +65,18 @@ def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch
     assert [name in os.environ for name in THREADS] == [True, False, False, False]
     with one_thread_each():
         assert [os.environ[name] for name in THREADS] == ["3", "1", "1", "1"]
+
+
+def test_threads_of_this_process_are_those_that_blas_may_have(monkeypatch):
+    for stated, made, size in (("1", InlineExecutor, 1), ("3", ThreadExecutor, 3)):
+        monkeypatch.setenv("OMP_NUM_THREADS", stated)
+        with executor_for(1, threads=own_threads()) as executor, JobQueue(executor, abs) as queue:
+            assert type(executor) is made and executor.size == size
+            assert [one.unwrap() for one in queue.each([-1, 2, -3, 4])] == [1, 2, 3, 4]
+    with executor_for(2, threads=3) as executor:
+        assert type(executor) is ProcessExecutor
+    monkeypatch.delenv("OMP_NUM_THREADS")
+    assert 1 <= own_threads() <= 4
 
 
 def test_a_script_without_its_guard_is_told_so(tmp_path):

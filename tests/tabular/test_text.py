@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from tests.lab_files.written import matlab, parquet, spreadsheet
 
 from pliant.calibration.reading import read_bench_data
 from pliant.errors import UserError
 from pliant.measurements.reading import read_measurement
-from pliant.tabular import text
+from pliant.tabular import sources, text
 from pliant.tabular.cells import is_number
 from pliant.tabular.fem_reading import read_table
 from pliant.tabular.opening import open_sheet
@@ -69,6 +70,17 @@ MADE = {
 def test_every_use_takes_every_kind_of_file(tmp_path, use, name):
     (tmp_path / name).write_bytes(MADE[name]())
     assert np.array_equal(READERS[use][0](tmp_path / name), [[0.5, 0.1, 0.2], [1.5, 0.25, 0.125]])
+
+
+def test_a_small_mat_that_unpacks_to_gigabytes_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    path = tmp_path / "a.mat"
+    savemat(path, {name: np.zeros(300_000) for name in TABLE}, do_compression=True)
+    assert path.stat().st_size < 30_000 and len(fem(path)) == 300_000
+    monkeypatch.setattr(sources, "UNPACKED", 5_000_000)
+    for compressed in (True, False):
+        savemat(path, {name: np.zeros(300_000) for name in TABLE}, do_compression=compressed)
+        with pytest.raises(UserError, match="unpacks to more than 5 MB; save the table as CSV"):
+            fem(path)
 
 
 @pytest.mark.parametrize("use", READERS)

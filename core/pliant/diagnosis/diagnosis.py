@@ -54,7 +54,7 @@ from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Predictor
-from pliant.execution.executors import Workers, executor_for
+from pliant.execution.executors import Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.beginnings import with_known_states
@@ -179,7 +179,10 @@ def diagnose(
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
-    with executor_for(workers) as executor:
+    threads = own_threads() if predictor.backend.capabilities.threads else 1
+    with executor_for(workers, threads=threads) as executor:
+        if executor.remote:
+            fitter.checked()
         search = HypothesisSearch(
             registry, measurement, readings, fitter, thresholds, shown, executor=executor
         )

@@ -1,8 +1,11 @@
 """Who does the work: this process, worker processes of our own, or any executor that is given, a dask cluster's too.
 
-Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: there, too, one dead
-worker ends the whole pool, so that quarantine (`pliant.execution.jobs`) would be the same; what it adds, functions
-without a module and scripts without a `__main__` guard, is not worth a dependency.
+What happens when a worker dies is decided in `pliant.execution.jobs`; an executor only replaces its workers when it
+is asked to (`restart`).
+
+Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: what it adds, functions
+without a module and scripts without a `__main__` guard, is not worth a dependency, and one dead worker ends the whole
+pool there, too.
 
 They have one BLAS thread each, and hold the reading end of a pipe whose writing end only the driver has: they end when
 it closes, be it that the driver stops them or that it was killed.
@@ -29,6 +32,7 @@ from pliant.errors import MissingDependencyError, UserError
 
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 MOST_WORKERS = 1024
+MOST_THREADS = 4  # what stays under Python's lock, about a fifth of a diagnosis, keeps more of them waiting
 CONNECT_S = 10
 
 
@@ -101,6 +105,20 @@ class ProcessExecutor(Executor):
         self._theirs.close()
 
 
+class ThreadExecutor(Executor):
+    """Threads of this process, for work that is mostly compiled loops without Python's lock."""
+
+    def __init__(self, threads: int) -> None:
+        self.size = threads
+        self._pool = futures.ThreadPoolExecutor(threads)
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
+        return self._pool.submit(function, *values)
+
+    def shutdown(self, at_once: bool) -> None:
+        self._pool.shutdown(wait=not at_once, cancel_futures=True)
+
+
 class FuturesExecutor(Executor):
     """An executor of the caller's: threads, processes, a cluster's. It is not shut down."""
 
@@ -150,12 +168,13 @@ Workers: TypeAlias = int | str | futures.Executor | Executor | None
 
 
 @contextmanager
-def executor_for(workers: Workers, most: int | None = None) -> Iterator[Executor]:
+def executor_for(workers: Workers, most: int | None = None, threads: int = 1) -> Iterator[Executor]:
     """The executor that is meant, for the time of the block; an error in the block cuts off what runs.
 
     Args:
         workers: one process is this one; executors of the caller's are not shut down.
         most: calls that there will be at most: no more processes are begun.
+        threads: of this process, where it is the one that works; see `own_threads`.
 
     Raises:
         UserError: a number that is none, or no scheduler answers.
@@ -169,7 +188,8 @@ def executor_for(workers: Workers, most: int | None = None) -> Iterator[Executor
     else:
         count = checked_workers(cpus() if workers is None else workers)
         count = count if most is None else min(count, most)
-        executor = ProcessExecutor(count) if count > 1 else InlineExecutor()
+        alone: Executor = ThreadExecutor(threads) if threads > 1 else InlineExecutor()
+        executor = ProcessExecutor(count) if count > 1 else alone
     whole = False
     try:
         yield executor
@@ -190,6 +210,15 @@ def cpus() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def own_threads() -> int:
+    """Threads for compiled loops of this process: as many as BLAS may have, `OMP_NUM_THREADS`, or a few.
+
+    A worker process has one (`one_thread_each`), so that nothing is threaded twice.
+    """
+    stated = os.environ.get(THREADS[0], "")
+    return max(int(stated), 1) if stated.isdecimal() else min(cpus(), MOST_THREADS)
 
 
 def checked_workers(workers: int) -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import datetime
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from pliant.tabular.header import WINDOW, find_header
 from pliant.tabular.sheet import ColumnSheet, RowSheet, Sheet
 
 SHOWN = 200  # rows that a sample has
-UNPACKED = 200_000_000  # bytes that a spreadsheet may have when it is unpacked
+UNPACKED = 200_000_000  # bytes that a spreadsheet or a .mat may have when it is unpacked
 
 
 def _library(name: str, path: Path, install: str) -> Any:
@@ -131,6 +132,8 @@ def open_matlab(path: Path, example: str, marks: Marks, table: str | None, notes
     """Vectors of one length in a .mat: those of a struct, or variables."""
     from scipy.io import loadmat
 
+    if _unpacked_matlab(path) > UNPACKED:
+        raise UserError(f"{path}: it unpacks to more than {UNPACKED / 1e6:.0f} MB; save the table as CSV.")
     try:
         found = loadmat(path, simplify_cells=True)
     except Exception as error:  # a damaged file raises many kinds
@@ -148,6 +151,28 @@ def open_matlab(path: Path, example: str, marks: Marks, table: str | None, notes
     columns = tables[_chosen(path, list(tables), table, "variable", notes_name)]
     scalars = tuple(f"{name}: {value!s}" for name, value in variables.items() if np.isscalar(value))
     return _of_columns(path, columns, marks, notes_name, scalars)
+
+
+def _unpacked_matlab(path: Path) -> int:
+    """Bytes of a .mat's variables, counted no further than `UNPACKED`; those of version 5 and up may be compressed.
+
+    Source: MAT-File Format, MathWorks: a header of 128 bytes, elements with a tag of type and size, type 15 by zlib.
+    """
+    total, header, compressed, piece = 0, 128, 15, 1 << 20
+    with path.open("rb") as file:
+        order: Literal["little", "big"] = "big" if file.read(header)[126:] == b"MI" else "little"
+        while total <= UNPACKED and len(tag := file.read(8)) == 8:
+            kind, size = (int.from_bytes(tag[k : k + 4], order) for k in (0, 4))
+            if kind != compressed:  # of version 4 and of no compression: as large as the file
+                return path.stat().st_size
+            data, unpack = file.read(size), zlib.decompressobj()
+            try:
+                while data and total <= UNPACKED:
+                    total += len(unpack.decompress(data, piece))
+                    data = unpack.unconsumed_tail
+            except zlib.error:  # a damaged file: its reader says so
+                return total
+    return total
 
 
 def _vectors(values: Mapping[str, Any]) -> dict[str, Cells | Array]:

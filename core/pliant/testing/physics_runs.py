@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -26,19 +27,12 @@ from pliant.testing.physics import (
     pressed,
     settled_under,
 )
-from pliant.testing.samples import PRESSURE_PA, chain_numbers, linear_law, sample_chain
+from pliant.testing.samples import PRESSURE_PA, chain_numbers, dashpot, linear_law, sample_chain
 
 DIFFERENCE = 1e-3
 SLOPE_SHARE = 2e-3
 GAIN, STIFFNESS = 8e-7, 0.04
 RETARDATION_S, STEP_S = 0.5, 0.01
-
-
-def dashpot(
-    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
-) -> float:
-    """M = −c u'."""
-    return -c[0] * rate
 
 
 def _softening(
@@ -109,6 +103,18 @@ def differentiates(subject: Subject) -> None:
         wanted = (a.joint_angles - b.joint_angles) / 0.02
         finding = f"d joint angles (rad) / d pressure factor in run {number}"
         agree(got.joint_angles / step, wanted, finding, rtol=0.01)
+
+
+def follows_in_threads(subject: Subject) -> None:
+    """`follow`, called by several threads at once, gives each what it gives alone."""
+    engine, shares = needs(subject, "threads"), np.linspace(0.3, 1.0, 8)
+    chains = [bent_chain(payload=share * PAYLOAD_KG) for share in shares]
+    with ThreadPoolExecutor(len(shares)) as pool:
+        found = list(pool.map(lambda chain: engine.follow(chain, [_sweep()])[0][0], chains))
+    for share, chain, got in zip(shares, chains, found, strict=True):
+        (alone,) = subject.build().follow(chain, [_sweep()])[0]
+        finding = f"joint angles (rad) with {share:.0%} of the payload, beside other threads"
+        agree(got.joint_angles, alone.joint_angles, finding, atol=1e-12)
 
 
 def names_missing_inputs_of_runs(subject: Subject) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -58,11 +59,17 @@ class Batcher(Engine):
         return QUASISTATIC.settle_batch(cases)
 
 
+class Threaded(Follower):
+    """Follows histories in threads, as the quasi-static engine does."""
+
+    capabilities = replace(Follower.capabilities, threads=True)
+
+
 variants = Variants(
     Component("physics", "small", f"{__name__}:EngineConfig", f"{__name__}:Engine", "plain Newton")
 )
 broken, simulated = variants.of(Engine), variants.of(Engine, "simulation")
-followed, batched = variants.of(Follower), variants.of(Batcher)
+followed, batched, threaded = variants.of(Follower), variants.of(Batcher), variants.of(Threaded)
 JOINTS = StandIn.capabilities.joints
 
 
@@ -128,6 +135,15 @@ def _kept_as_the_last(up: Any, self: Any) -> Equilibrium:
     good: Equilibrium = up()
     LAST["q"] = self.q
     return good
+
+
+def _through_a_shared_chain(
+    up: Any, self: Engine, chain: ChainModel, histories: Any, towards: Any = ()
+) -> Any:
+    """The chain stands in the engine, where other threads replace it."""
+    self.last = chain  # type: ignore[attr-defined]
+    time.sleep(0.01)
+    return up(self.last, histories, towards)  # type: ignore[attr-defined]
 
 
 def _closing_once(up: Any, self: Any) -> None:
@@ -239,6 +255,7 @@ told("follows_settled_states", tip_force_n=lambda h: 0 * h.tip_force_n)
 told("follows_time", time_s=lambda h: None)
 told("keeps_damage_in_its_specimen", specimen=lambda h: "")
 followed("differentiates", follow=_forgetting_earlier_runs)
+threaded("follows_in_threads", follow=_through_a_shared_chain)
 told("names_missing_inputs_of_runs", actuation=lambda h: {**h.actuation, "pressure_pa": np.zeros(len(h))})
 batched("batches_settle_as_one_by_one", settle_batch=lambda up, self, cases: up(cases)[::-1])
 batched(

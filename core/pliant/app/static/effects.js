@@ -43,8 +43,9 @@ class EffectList {
     const badge = found && found.by_kind[one.kind] !== undefined
       ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, percent(found.by_kind[one.kind])) : null;
     const own = this.model.own.includes(one.kind) ? el("span", {class: "badge"}, "of the study") : null;
+    const mine = one.file ? el("span", {class: "badge", title: "your own effect; it is read anew when the file changes"}, `from ${one.file}`) : null;
     const bar = el("div", {class: "bar", "aria-hidden": "true"}, el("i", {style: `width:${seen ? 100 * seen.explains : 0}%`}));
-    const head = el("div", {class: "head"}, box, el("label", {for: id}, one.kind.replaceAll("_", " "), " ", badge, " ", own), bar,
+    const head = el("div", {class: "head"}, box, el("label", {for: id}, one.kind.replaceAll("_", " "), " ", badge, " ", own, " ", mine), bar,
       el("span", {class: "percent", title: "of the error that is left, at most"}, seen ? percent(seen.explains) : "…"));
     const alike = seen ? seen.alike.filter(k => k !== one.kind) : [];
     const rows = [head, el("p", {class: "words soft"}, one.summary)];

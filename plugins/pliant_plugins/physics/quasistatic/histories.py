@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -145,6 +146,11 @@ class HingeFollower:
 
     config: QuasistaticConfig
     tables: dict[tuple[int, float, float], tuple[JointLaw, LawTable]] = field(default_factory=dict)
+    lock: Any = field(default_factory=Lock)  # fits may run in threads
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it travels to a worker: without its tables."""
+        return HingeFollower, (self.config,)
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
         """See `PhysicsBackend.follow`."""
@@ -227,11 +233,14 @@ class HingeFollower:
         high = 2.0 ** math.ceil(math.log2(reach))
         low = -high if pressure.min() < -0.1 * high else -0.25 * high
         key = (id(law), low, high)
-        if key not in self.tables:
-            while len(self.tables) >= MOST_TABLES:  # effects that change laws make new ones at every trial
-                self.tables.pop(next(iter(self.tables)))
-            self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
-        return self.tables[key][1]
+        with self.lock:
+            if key not in self.tables:
+                while (
+                    len(self.tables) >= MOST_TABLES
+                ):  # effects that change laws make new ones at every trial
+                    self.tables.pop(next(iter(self.tables)))
+                self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
+            return self.tables[key][1]
 
 
 def _same_body(chain: ChainModel, other: ChainModel) -> bool:

@@ -352,7 +352,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
         copy_rows(old_v, kept_v[owner])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
     """A chain of n hinges through N samples of all runs, one after another.
 
