@@ -114,6 +114,7 @@ def test_a_table_of_several_pressures_becomes_a_law_that_drives_a_chain(pliant, 
     (workplace / "bench.csv").write_text(f"pressure_1_pa,pressure_2_pa,angle_rad,moment_n_m\n{rows}\n")
     done = pliant("fit", "bench.csv", "--out", "law", "--no-learning").done()
     assert "pressure 1 0" in done.out and "falls with u everywhere" in done.out
+    assert "% of them lie in it" in done.out  # the law has an error bar, and it is looked at
     found = json.loads((workplace / "law/fit.json").read_text())
     assert found["parameters"]["actuation_name"] == "pressure_1_pa, pressure_2_pa"
     assert found["heldout"]["worst_of_range"] < 1e-6

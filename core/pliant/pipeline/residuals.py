@@ -173,8 +173,8 @@ def as_scored(data: ModuleData, report: FitReport) -> ModuleData:
     scores = np.zeros(len(data), bool)
     explored = data.explored_axes()
     for axis in explored or data.axes:
-        details = report.details.get("axes", {}).get(axis) if len(data.axes) > 1 else report.details
-        scored = (details or {}).get("residuals")
+        details = report.details.get("axes", {}).get(axis, {} if len(data.axes) > 1 else report.details)
+        scored = details.get("residuals")
         if not isinstance(scored, Mapping) or "angle_rad" not in scored:
             continue
         at = (np.column_stack([scored["actuation"], scored["angle_rad"]])).tolist()
