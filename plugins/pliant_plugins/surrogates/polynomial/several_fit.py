@@ -19,7 +19,7 @@ from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import ModuleData
-from pliant.records.law import Domain
+from pliant.records.law import Domain, JointLaw
 from pliant_plugins.surrogates.polynomial.energy_system import DETERMINED, SLOPE_WEIGHT, WORST_CONDITION
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.several_law import FORM, Exponents, SeveralLaw, powers, product
@@ -98,7 +98,7 @@ def fit_several(data: ModuleData) -> FittedLaw:
     return FittedLaw(law, report_axes(law, states, choice, slopes[place]))
 
 
-def largest_slope(law: SeveralLaw) -> float:
+def largest_slope(law: JointLaw) -> float:
     """The largest eigenvalue of ∂τ/∂u over the box: below zero where the law is stable."""
     box = law.domain.box
     points = scipy.stats.qmc.Sobol(len(box), scramble=False).random(PLACES)

@@ -103,8 +103,9 @@ class SeveralTableLaw(JointLaw):
     def _steepest(self, reach: Array) -> float:
         """The largest ∂τ/∂u as far outside as `reach` (m,), on a grid."""
         low, high = self.domain.actuation.T
-        levels = [np.linspace(*ends, 3) for ends in zip(low - reach, high + reach, strict=True)]
-        grid = np.meshgrid(*levels, np.linspace(*self.domain.deformation[0], LEVELS), indexing="ij")
+        levels = np.linspace(low - reach, high + reach, 3).T
+        first, last = (float(side) for side in self.domain.deformation[0])
+        grid = np.meshgrid(*levels, np.linspace(first, last, LEVELS), indexing="ij")
         at = np.stack([axis.ravel() for axis in grid], axis=1)
         return float(self._spline(at[:, :-1], at[:, -1])[2].max())
 
