@@ -355,6 +355,14 @@ def _engines() -> list[Component]:
         ),
         Component(
             interface="task",
+            kind="follow_pressure",
+            config=f"{HERE}.tasks.follow_pressure:FollowPressureConfig",
+            implementation=f"{HERE}.tasks.follow_pressure:FollowPressure",
+            summary="actuate the chain in time: free swings, step response, frequency response",
+            example={"pressure": "15 kPa", "waveform": "step", "duration": "0.2 s", "record": "20 ms"},
+        ),
+        Component(
+            interface="task",
             kind="tip_load",
             config=f"{HERE}.tasks.ramp:TipLoadConfig",
             implementation=f"{HERE}.tasks.ramp:TipLoad",

@@ -42,6 +42,21 @@ def test_restore_brings_the_state_back(engine: PhysicsBackend, heavy_chain: Chai
         np.testing.assert_allclose(one.velocity, other.velocity, rtol=0, atol=1e-12 * scale)
 
 
+def test_advance_is_a_step_in_time_and_settles_where_it_takes_for_ever(
+    engine: PhysicsBackend, loaded_finger: ChainModel
+) -> None:
+    with engine.build(loaded_finger) as simulation, engine.build(loaded_finger) as other:
+        for one in (simulation, other):
+            one.apply(Inputs({"pressure_pa": 5e3}))
+        assert simulation.advance(0.002)
+        other.step(0.002)
+        assert simulation.snapshot().time_s == other.snapshot().time_s == 0.002
+        np.testing.assert_allclose(simulation.markers(), other.markers(), rtol=0, atol=1e-9)
+        assert simulation.advance(np.inf)
+        assert simulation.snapshot().time_s == 0.002
+        np.testing.assert_allclose(simulation.markers(), other.settle().markers_m, rtol=0, atol=1e-5)
+
+
 def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBackend) -> None:
     """10 ms of free motion at small steps: PyBullet follows MuJoCo within 1 % of the distance moved."""
     step, damping = 2e-5, 1e-5

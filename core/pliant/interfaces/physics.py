@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -102,6 +103,17 @@ class Simulation(EngineHandle, ABC):
     @abstractmethod
     def step(self, duration_s: float) -> None:
         """Advance by `duration_s`, in as many internal steps as the engine needs."""
+
+    def advance(self, duration_s: float) -> bool:
+        """`step`, or `settle` where the duration is infinite.
+
+        Returns:
+            whether the simulation can answer for where it is; True where an engine cannot tell.
+        """
+        if math.isinf(duration_s):
+            return self.settle().converged
+        self.step(duration_s)
+        return True
 
     @abstractmethod
     def snapshot(self) -> SimulationState:

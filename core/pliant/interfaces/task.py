@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 from pydantic import Field
 
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.interfaces.effect import Readings
 from pliant.interfaces.physics import SceneSimulation, Simulation
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
@@ -49,6 +50,18 @@ class Task(Configured[TaskConfig]):
         A search looks up what its formulas name before anything is simulated.
         """
         return ()
+
+    def against_readings(
+        self, chain: ChainModel, result: TaskResult, reported: Callable[[Readings], Readings]
+    ) -> Mapping[str, float]:
+        """Further metrics, that need what the sensors say over time; none by default.
+
+        Args:
+            chain: the chain that ran.
+            result: what `run` left.
+            reported: what the sensors make of true readings, see `Model.reported`.
+        """
+        return {}
 
     @abstractmethod
     def run(self, simulation: Simulation) -> TaskResult:

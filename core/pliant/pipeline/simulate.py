@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,10 +97,20 @@ class WithInputs(Simulation):
         return self.inner.settle()
 
     def step(self, duration_s: float) -> None:
+        self._let_pass(duration_s)
+        self.inner.step(duration_s)
+
+    def advance(self, duration_s: float) -> bool:
+        if math.isinf(duration_s):
+            return self.settle().converged
+        self._let_pass(duration_s)
+        return self.inner.advance(duration_s)
+
+    def _let_pass(self, duration_s: float) -> None:
+        """Give the inner simulation what acts at the end of a step."""
         acting = self._commands.pass_time(duration_s)
         if acting is not None:
             self.inner.apply(acting)
-        self.inner.step(duration_s)
 
     def snapshot(self) -> SimulationState:
         return self.inner.snapshot()
@@ -250,7 +261,10 @@ def run_task(
     last = -1 if result.last_held is None else result.last_held
     acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[last]))}
     reported = model.reported({**result.metrics, **acting})
-    return replace(result, metrics={name: reported[name] for name in reported if name != "actuation"})
+    metrics = {name: reported[name] for name in reported if name != "actuation"}
+    if isinstance(task, Task):
+        metrics |= task.against_readings(model.chain, result, model.reported)
+    return replace(result, metrics=metrics)
 
 
 def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:

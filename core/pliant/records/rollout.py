@@ -90,8 +90,9 @@ class Equilibrium:
     Attributes:
         joint_angles: (n, a) joint coordinates.
         markers_m: (n + 2, 3) base, joints 1…n, tip, world frame.
-        residual: largest unbalanced effort, N·m (N for prismatic joints), measured by the common statics.
-        converged: the engine reached its own tolerance.
+        residual: largest unbalanced effort, N·m (N for prismatic joints), measured by the common statics; not a number
+            where the chain is in motion or contact holds it.
+        converged: the engine reached its own tolerance; of a motion, that it could follow it.
         stable: the potential energy has a minimum here; None if the engine cannot tell.
         iterations: Newton iterations or time steps.
     """
@@ -104,6 +105,11 @@ class Equilibrium:
     iterations: int
     wall_s: float
     outside_domain: tuple[OutsideDomain, ...] = ()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the joint efforts are meant to balance: not in motion, nor held by contact."""
+        return not np.isnan(self.residual)
 
     @property
     def tip_m(self) -> Array:

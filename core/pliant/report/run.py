@@ -172,8 +172,9 @@ def _engine_line(engine: EngineRun, effort: Unit) -> str:
             grasped = ("z_end", "success_share")
             numbers = [f"{result.metrics['mode']}", *(n for n in numbers if n.startswith(grasped))]
         return f"{engine.kind:<12} {', '.join((*numbers[:3], duration(engine.artifact)))}"
-    residual = effort.text(result.final.residual, 2)
-    how = f"residual {residual}, {duration(engine.artifact, result.final.wall_s)}"
+    how = duration(engine.artifact, result.final.wall_s)
+    if result.final.at_rest:
+        how = f"residual {effort.text(result.final.residual, 2)}, {how}"
     if not _no_state(result):
         return f"{engine.kind:<12} tip {_tip(result.final.tip_m)}, {_state(result)}, {how}"
     if result.last_held is None or result.rollout is None:
@@ -195,7 +196,9 @@ def _no_state(result: TaskResult) -> bool:
 def _state(result: TaskResult) -> str:
     if not result.final.converged:
         return "NOT CONVERGED"
-    return "NOT REACHED" if _no_state(result) else "settled"
+    if _no_state(result):
+        return "NOT REACHED"
+    return "settled" if result.final.at_rest else "in motion"
 
 
 def _tip(tip_m: Array) -> str:
@@ -339,8 +342,8 @@ def _engine_warnings(engine: EngineResult, run: FinishedRun) -> list[Warned]:
     final, law = engine.result.final, run.designs[0].law
     found = []
     if not final.converged:
-        residual = effort_unit(law).text(final.residual, 2)
-        found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
+        left = f"; unbalanced effort {effort_unit(law).text(final.residual, 2)}" if final.at_rest else ""
+        found.append(Warned(f"{engine.kind} did not converge{left}."))
     if final.converged and final.stable is False:
         text = f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there."
         found.append(Warned(text))

@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
+from pliant.report.charts.law import law_chart
+from pliant.report.charts.pose import pose_chart
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -80,7 +82,7 @@ def _laws(run: FinishedRun) -> Section | None:
         if design.law.error is not None:
             band = "the band that holds a state with a probability of 90 %"
             caption += f" Shaded, and as bars at the states left out: {band}."
-        parts.append(Picture(numbered("law", n), caption, law_picture(run, design)))
+        parts.append(Picture(numbered("law", n), caption, law_picture(run, design), law_chart(run, design)))
     parts.append(law_table(run))
     for design in run.designs:
         if design.module is not None and set(design.law.axes) == set(design.module.axes):
@@ -108,7 +110,7 @@ def _poses(run: FinishedRun) -> Section | None:
     first = engines[0].result
     return section(
         "The finger in the engines",
-        Picture("chain_pose", caption, chain_pose(run)),
+        Picture("chain_pose", caption, chain_pose(run), pose_chart(run)),
         picture("backbones", backbone_caption(first), backbone_picture(first)),
         engine_table(run),
         metrics_table(run),
@@ -169,7 +171,9 @@ def engine_table(run: FinishedRun) -> Table | None:
             *(fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
             "–" if count == 0 else small_length(float(distance[-1])),
             "–" if count == 0 else small_length(float(distance.max())),
-            effort_unit(run.designs[0].law).text(engine.result.final.residual, 2),
+            effort_unit(run.designs[0].law).text(engine.result.final.residual, 2)
+            if engine.result.final.at_rest
+            else "–",
             number(engine.result.final.converged),
             {True: "yes", False: "no", None: "not asked"}[engine.result.final.stable],
             str(engine.result.final.iterations),

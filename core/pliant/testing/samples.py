@@ -333,3 +333,10 @@ def scene_numbers(scene: Scene) -> Array:
     parts += [a for posed in shapes for a in (posed.position_m, posed.rotation)]
     parts += [a for body in scene.objects for a in (body.position_m, body.rotation)]
     return np.concatenate([np.ravel(part) for part in parts])
+
+
+def dashpot(
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
+) -> float:
+    """M = −c u'."""
+    return -c[0] * rate

@@ -38,14 +38,6 @@ class Steppable(Simulation):
         """Set the temperature that law terms see from now on."""
         self._memory = replace(self._memory, temperature_c=temperature_c)
 
-    def advance(self, duration_s: float) -> bool:
-        """Go on to the end of a step of this duration, infinite where it is reached slowly.
-
-        Returns:
-            whether the simulation can answer for where it is.
-        """
-        raise NotImplementedError
-
     def _state(self, position: Array, velocity: Array) -> SimulationState:
         memory = self._memory.states.copy() if self.chain.terms else None
         return SimulationState(self._time_s, position, velocity, memory)

@@ -127,6 +127,8 @@ def result_of(
 
 def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
     """Why this equilibrium holds nothing, as the end of a sentence about the chain; empty if it does."""
+    if not found.converged and not found.at_rest:
+        return "could not be followed: its motion ran away, or it did not settle at the first sample"
     if not found.converged:
         return f"did not settle (residual {effort_unit(chain.laws[0]).text(found.residual, 2)})"
     if found.stable is False:

@@ -33,13 +33,17 @@ class ActuatedConfig(TaskConfig):
     @model_validator(mode="after")
     def _one_drive(self) -> ActuatedConfig:
         given = (self.pressure_pa is not None, self.tendon_force_n is not None, bool(self.inputs))
-        if sum(given) != 1:
+        if sum(given) != 1 and not self.is_driven_otherwise():
             raise ValueError("give exactly one of 'pressure' and 'tendon_force', or 'inputs'")
         return self
 
     def canonical(self) -> dict[str, Any]:
         """Without `inputs` where none are given, as keys of earlier results are."""
         return {name: value for name, value in super().canonical().items() if name != "inputs" or value}
+
+    def is_driven_otherwise(self) -> bool:
+        """Whether something else says what acts, so that these may be left out."""
+        return False
 
     def actuation(self, chain: ChainModel) -> dict[str, float]:
         """Full value of every input of the chain; see `driven`.

@@ -85,6 +85,7 @@ broken(
 resulting("metrics_carry_their_unit", lambda _: {"metrics": {"deflection": 12.5}})
 broken("measures_what_it_says", measures=lambda up, self: ("tip_x_m",))
 resulting("metrics_are_finite", lambda _: {"metrics": {"drop_m": float("nan")}})
+resulting("metrics_are_finite", lambda result: {"final": replace(result.final, residual=float("nan"))})
 broken(
     "is_deterministic",
     inputs=lambda up, self: Inputs({"pressure_pa": 1e4 * np.random.default_rng().random()}),

@@ -78,10 +78,11 @@ class QuasistaticSimulation(Steppable):
         return self._reach(math.inf)
 
     def step(self, duration_s: float) -> None:
-        self._time_s += duration_s
-        self._reach(duration_s)
+        self.advance(duration_s)
 
     def advance(self, duration_s: float) -> bool:
+        if math.isfinite(duration_s):
+            self._time_s += duration_s
         return self._reach(duration_s).converged
 
     def _reach(self, duration_s: float) -> Equilibrium:
