@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.output import parser_of, write
-from playwright.sync_api import sync_playwright
 from tests.app.page_user import PageUser
-from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, started
+from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, playwright, started
 
 from pliant import api
 from pliant.app.open_model import OpenModel
@@ -49,7 +48,7 @@ def played(spec: SetSpec, folder: Path, store: Path) -> dict[str, Any]:
     dropped[1].write_text(made.study)
     server, address = started(folder / "session", store)
     try:
-        with sync_playwright() as driver:
+        with playwright.sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
             page = browser.new_page(viewport={"width": 1500, "height": 1150})
             page.goto(address)

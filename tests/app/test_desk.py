@@ -23,6 +23,8 @@ from pliant.diagnosis.extension import Ground, extend
 from pliant.diagnosis.test_split import lock
 from pliant.errors import UserError
 
+from .conftest import recording
+
 
 def _ticked(desk: Desk, kind: str) -> tuple[dict[str, object], ...]:
     catalogue = desk.view()["model"]["catalogue"]
@@ -249,3 +251,28 @@ def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path
     file.write_text(code)
     desk.pulse()
     assert listed()["sliders"][0]["high"] == before
+
+
+@pytest.mark.slow
+def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> None:
+    """The sensor adds 0.03 sin(30 u): no listed effect does."""
+    lines = recording(hidden=1.0).splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    angles = [float(row[-1]) for row in rows]
+    waved = [[*row[:-1], f"{a + 0.03 * np.sin(30 * a):.6f}"] for row, a in zip(rows, angles, strict=True)]
+    (bench / "bench.csv").write_text("\n".join([lines[0], *map(",".join, waved)]) + "\n")
+    desk = Desk(SessionFolder(bench / "session"), bench / "store")
+    desk.begin(bench / "bend.yaml", [])
+    desk.run("improve", learned=True)
+    desk.bench.wait()
+    model = desk.view()["model"]
+    first, last = model["steps"][0], model["steps"][-1]
+    assert last["aside"] < 0.3 * first["aside"]
+    curve = model["fit"]["learned"]["curve"]
+    x, value = np.array(curve["x"]), np.array(curve["value"])
+    at, knots = np.array(curve["knots"])
+    assert np.allclose(np.interp(at, x, value), knots, atol=0.03 * np.ptp(knots))
+    assert (x[0] < curve["ends"][0]) and (x[-1] > curve["ends"][1])
+    assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
+    saved = api.open_study(desk.save()["path"], store=bench / "store")
+    assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]

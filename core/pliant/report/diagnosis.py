@@ -314,8 +314,8 @@ def _changes(
         words, floor = unit_of(output), diagnosed.floor(output)
         band = f" over ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
         caption = (
-            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
-            "input."
+            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and in the still picture "
+            "the loop over the input."
         )
         pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output), chart(diagnosed, output)))
     names = " or ".join(named(kinds) for kinds in diagnosed.explanations)

@@ -26,7 +26,9 @@ class EffectList {
     const of = kind => kinds[kind] ? kinds[kind].explains : -1;
     const ticked = new Set(this.effects.map(one => one.kind));
     const sure = kind => found && found.by_kind[kind] || 0;
-    const order = model.catalogue.filter(one => !screen || kinds[one.kind] || ticked.has(one.kind))
+    const unlisted = model.effects.filter(e => !model.catalogue.some(c => c.kind === e.kind))
+      .map(e => ({kind: e.kind, summary: "describes what no listed effect explains", signature: "", sliders: [], begun: e}));
+    const order = [...unlisted, ...model.catalogue].filter(one => !screen || kinds[one.kind] || ticked.has(one.kind))
       .sort((a, b) => ticked.has(b.kind) - ticked.has(a.kind) || sure(b.kind) - sure(a.kind) || of(b.kind) - of(a.kind));
     const focus = document.activeElement && document.activeElement.id;
     const seen = order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown);

@@ -3,6 +3,7 @@
 const token = new URLSearchParams(location.search).get("token") || "";
 const $ = id => document.getElementById(id);
 let view = null, data = null, version = -1, now = null, asis = null, where = null, screening = null, marked = null, curvesOf = "";
+let dropping = false;  // files that come together are looked at together
 const headers = {"x-pliant-token": token};
 
 async function ask(name, body) {
@@ -21,7 +22,7 @@ async function pulse() {
   try {
     const beat = await ask("pulse");
     job(beat.job);
-    if (beat.version !== version) { version = beat.version; await load(); }
+    if (beat.version !== version && !dropping) { version = beat.version; await load(); }
     if ($("said").dataset.lost) { delete $("said").dataset.lost; say(""); }
   } catch (error) {
     say(error.message.startsWith("Refused") ? error.message : "The server does not answer. Everything is saved: start 'pliant app' again and this page goes on.");
@@ -222,7 +223,7 @@ function verdict(m) {
   const hold = $("verdict"), d = m.diagnosis, f = m.fit; hold.replaceChildren();
   const link = (name, text) => el("a", {href: `/result/${name}?token=${encodeURIComponent(token)}`, target: "_blank", rel: "noopener"}, text);
   if (f && f.what === "improve") {
-    hold.append(el("p", {class: "result"}, f.sentence), el("p", {class: "soft"}, f.reason),
+    hold.append(el("p", {class: "result"}, f.sentence), f.sentence.includes(f.reason) ? "" : el("p", {class: "soft"}, f.reason),
       el("table", {}, el("tr", {}, el("th", {}, "step of improve"), el("th", {class: "n"}, "put aside"), el("th", {class: "n"}, "left out")),
         ...f.steps.map(s => el("tr", {}, el("td", {}, s.words), el("td", {class: "n"}, s.aside === null ? "–" : `${s.aside.toFixed(2)} ± ${s.se.toFixed(2)}`), el("td", {class: "n"}, s.training.toFixed(2))))));
     if (f.learned) {
@@ -267,13 +268,17 @@ async function toggle(name, on) {
   await ask("step", {effects: view.model.effects, off: [...off], words: `${name} ${on ? "on" : "off"}`}); await beat();
 }
 async function upload(files) {
+  dropping = true;
+  try { await send(files); } finally { dropping = false; }
+  say(""); asis = null; await beat();
+}
+async function send(files) {
   const order = [...files].sort((a, b) => /\.ya?ml$/i.test(a.name) - /\.ya?ml$/i.test(b.name));
   for (const file of order) {
     say(`reading ${file.name} …`);
     const answer = await fetch(`/api/upload?name=${encodeURIComponent(file.name)}`, {method: "POST", headers, body: file});
     const found = await answer.json(); if (!answer.ok) throw new Error(found.error);
   }
-  say(""); asis = null; await beat();
 }
 function dialog(title, text, links) {
   $("dialogtitle").textContent = title; $("dialogtext").textContent = text; $("dialoglinks").replaceChildren(...links); $("dialog").showModal();

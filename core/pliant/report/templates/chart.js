@@ -40,7 +40,8 @@
       this.plot = new uPlot({mode: 2, width: this.hold.clientWidth || 300, height, legend: {show: false}, padding: [6, 8, 0, 0],
         cursor: {drag: {x: true, y: true, uni: 20, setScale: false}, points: {show: false}, bind: {dblclick: () => () => null}},
         scales: {x: {time: false, auto: false, range: () => this.view.x}, y: {auto: false, range: () => this.view.y}},
-        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), size: 48, space: 17}],
+        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), space: 17,
+          size: (u, texts) => texts ? 14 + 7 * Math.max(4, ...texts.map(text => String(text).length)) : 48}],
         series: [null, {paths: () => null, points: {show: false}}],
         hooks: {draw: [u => this.draw(u)], setSelect: [u => this.dragged(u)], setCursor: [u => this.point(u)]}},
         [null, [[0, 1], [0, 1]]], this.hold);
@@ -165,9 +166,9 @@
     for (let k = 0; k < panels.length; k += step) { const cell = make("div", {class: "cell"});
       for (const p of panels.slice(k, k + step)) cell.append(p.box); grid.append(cell); }
     live.append(bar, grid); figure.querySelector("img").after(live); figure.classList.add("live");
-    const few = !data.pairs && data.panels.length < 3;
+    const few = panels.length < 3 * step;
     if (few) grid.classList.add("few");
-    panels.forEach((p, k) => p.build(data.pairs && k % 2 ? 130 : few ? 340 : 230));
+    panels.forEach((p, k) => p.build(data.pairs && k % 2 ? (few ? 170 : 130) : few ? 340 : 230));
   }
 
   const seen = new IntersectionObserver(entries => { for (const entry of entries) if (entry.isIntersecting) {
