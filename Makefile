@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo app-demo test test-all fuzz mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all fuzz soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -29,6 +29,9 @@ test-all: $(VENV)/.dev  ## every test, those marked slow too
 
 fuzz: $(VENV)/.dev  ## 50 000 damaged inputs against every reader; what breaks one is kept in tests/fuzz/finds
 	$(BIN)/python -m tests.fuzz.run --cases 50000 $(FUZZ)
+
+soak: $(VENV)/.dev  ## an hour of sweeps, a search and diagnoses on one store, killed and starved at random; every answer is compared
+	$(BIN)/python -m benchmarks.soak
 
 mutants: $(VENV)/.dev  ## whether the tests notice wrong code: hours, resumable
 	$(BIN)/python -m tests.mutants.run $(MUTANTS)
@@ -96,7 +99,7 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 
 bench-evidence: $(VENV)/.run  ## a sealed run: effects hidden for this code, diagnosed and judged; resumable
 	$(BIN)/python -m benchmarks.evidence.run_bench --sealed
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.speed
+	$(BIN)/python -m benchmarks.evidence.speed
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.evidence.coverage
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
@@ -104,6 +107,9 @@ bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; ha
 	$(BIN)/python -m benchmarks.real.tentacle
 	$(BIN)/python -m benchmarks.real.elastomer
 	$(BIN)/python -m benchmarks.real.grasp_counts
+
+bench-files: $(VENV)/.run  ## recordings of millions of rows: seconds and memory; a minute or two
+	$(BIN)/python -m benchmarks.large_files
 
 bench-install: $(VENV)/.dev  ## the wheel, installed without extras into an environment of its own and tried there
 	$(BIN)/python -m benchmarks.install --quick

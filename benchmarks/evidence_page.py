@@ -2,7 +2,8 @@
 
     python -m benchmarks.evidence_page
 
-3,000 readings; time from the new value to the picture on the screen, and what the server's part of it is.
+3,000 readings; time from the new value to the picture on the screen, and what the server's part of it is. And from the
+drop of a recording of 10 MB with its study on an empty page to the first pictures.
 """
 
 from __future__ import annotations
@@ -16,19 +17,22 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import sync_playwright
 from tests.app.conftest import STUDY
+from tests.app.page_user import PageUser
 from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, started
 
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
 
 READINGS, MOVES = 3000, 60
+DROPPED_MB, BYTES_OF_READING = 10, 29
+SEARCHED_MS = 4000  # a user needs longer to find files
 
 
-def recording() -> str:
+def recording(readings: int = READINGS) -> str:
     """Six runs of a slow triangle; what is read does not matter here."""
     lines = ["run,time_s,pressure_pa,angle_rad"]
     for k in range(6):
-        time_s = np.arange(READINGS // 6) * 0.1
+        time_s = np.arange(readings // 6) * 0.1
         pressure = 10e3 * np.abs((time_s / 12.5 + 0.1 * k) % 2 - 1)
         lines += [f"r{k},{t:.2f},{p:.1f},{4e-5 * p:.6f}" for t, p in zip(time_s, pressure, strict=True)]
     return "\n".join(lines) + "\n"
@@ -52,7 +56,34 @@ def main() -> None:
                 begun = next(one["begun"] for one in desk.view()["model"]["catalogue"] if one["kind"] == kind)
                 desk.step((begun,), [], kind)
                 found[f"{name}, {kind}"] = _timed(desk, folder, begun)
-    print(json.dumps({"load": os.getloadavg()[0], "ms": found}, indent=1))
+    shown = {"mb": DROPPED_MB, "first_screen_s": first_screen()}
+    print(json.dumps({"load": os.getloadavg()[0], "ms": found, **shown}, indent=1))
+
+
+def first_screen() -> list[float]:
+    """Seconds until the pictures of a large recording stand, each time on a new server."""
+    seconds = []
+    for _ in range(3):
+        with tempfile.TemporaryDirectory() as text:
+            folder = Path(text)
+            (folder / "bench.csv").write_text(recording(round(DROPPED_MB * 1e6 / BYTES_OF_READING)))
+            (folder / "bend.yaml").write_text(STUDY)
+            server, address = started(folder / "session", folder / "store")
+            try:
+                with sync_playwright() as driver:
+                    browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+                    page = browser.new_page(viewport={"width": 1500, "height": 1150})
+                    page.goto(address)
+                    page.wait_for_selector("#begin:visible", timeout=LONG)
+                    page.wait_for_timeout(SEARCHED_MS)
+                    seconds.append(
+                        round(PageUser(page).drop([folder / "bench.csv", folder / "bend.yaml"]), 2)
+                    )
+                    browser.close()
+            finally:
+                server.terminate()
+                server.wait()
+    return seconds
 
 
 def _timed(desk: Desk, folder: Path, begun: dict[str, float]) -> dict[str, float]:

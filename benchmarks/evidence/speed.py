@@ -3,7 +3,8 @@
     python -m benchmarks.evidence.speed     prints, and writes benchmarks/out/diagnosis_speed.json
 
 All are read from the joint of examples/hidden_effect made stiffer, with noise; every shipped effect is a candidate. The
-baseline is the usual recording, that of the example, in the same process. The many runs have two worker processes.
+baseline is the usual recording, that of the example, in the same process, which has a thread for each of two cores. The
+many runs have two worker processes.
 """
 
 from __future__ import annotations

@@ -15,62 +15,54 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from pliant.formatting import named_unit
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.registry.discovery import Registry, discover
 from pliant.testing.effect_bench import run_readings
 from pliant.testing.histories import triangles
 from pliant.testing.samples import sample_chain, softening_law
+from pliant.units import si_unit
 
 OUT = Path(__file__).parent.parent / "pictures" / "effects"
 DARK = "#222222"
 WITH: dict[str, Any] = {"color": "#D55E00", "lw": 1.8}
 WITHOUT: dict[str, Any] = {"color": "#555555", "lw": 1.2, "ls": (0, (4, 2))}
-KPA, MNM = 1e3, 1e-3
+KPA, MNM = 1e3, 1e-3  # of the pressures and loads that the scenes apply
 PASCALS_PER_NEWTON = 1500.0  # the sample law's, as a tendon of 10 N
-Abscissa = Callable[[History], Any]
+
+
+@dataclass(frozen=True)
+class Abscissa:
+    """What runs are drawn over: its name, its SI unit and its values in that unit."""
+
+    label: str
+    si: str
+    of: Callable[[History], Any]
+
+
+PRESSURE = Abscissa("pressure", "Pa", lambda history: history.actuation["pressure_pa"])
+TENSION = Abscissa("tendon force", "N", lambda history: history.actuation["tendon_force_n"])
+CLOCK = Abscissa("time", "s", lambda history: history.time_s)
+LOAD = Abscissa("load moment", "N*m", lambda history: history.moment_n_m)
+PITCH = Abscissa("pitch of the base", "rad", lambda history: history.base_angles_rad[:, 1])
 
 
 @dataclass(frozen=True)
 class Scene:
     """The runs of one picture, what they are drawn over, and what to look at.
 
-    `reads` is the reading that is drawn, in degrees or mm.
+    `reads` is the reading that is drawn, `name` its label and `note` what stands behind the label of the abscissa.
     """
 
     runs: Sequence[History]
     over: Abscissa
-    label: str
     look: str
     modules: int = 1
     values: Mapping[str, Any] | None = None
     reads: str = "angle_rad"
-    name: str = "angle / °"
-
-
-def pressure(history: History) -> Any:
-    return history.actuation["pressure_pa"] / KPA
-
-
-def tension(history: History) -> Any:
-    return history.actuation["tendon_force_n"]
-
-
-def clock(history: History) -> Any:
-    return history.time_s
-
-
-def milliseconds(history: History) -> Any:
-    assert history.time_s is not None
-    return 1e3 * history.time_s
-
-
-def load(history: History) -> Any:
-    return history.moment_n_m / MNM
-
-
-def pitch(history: History) -> Any:
-    return np.degrees(history.base_angles_rad[:, 1])
+    name: str = "angle"
+    note: str = ""
 
 
 def ramps(levels: tuple[float, ...], rate: float, holds_s: float = 0.0, **more: Any) -> History:
@@ -123,8 +115,7 @@ def scenes() -> dict[str, Scene]:
     return {
         "learned": Scene(
             [ramps((15.0,), 1.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "nothing outside its data (4 to 12 kPa)",
             values={
                 "acts_on": "input",
@@ -132,182 +123,155 @@ def scenes() -> dict[str, Scene]:
                 "value": [0.0, 600.0, 1500.0, 1200.0, 400.0, 0.0],
             },
         ),
-        "stiffness": Scene(
-            [loads(0.0), loads(10.0)], load, "load moment / mN·m", "vented (lower curves): off too"
-        ),
-        "actuation_gain": Scene(
-            [loads(0.0), loads(10.0)], load, "load moment / mN·m", "vented (lower curves): no error"
-        ),
+        "stiffness": Scene([loads(0.0), loads(10.0)], LOAD, "vented (lower curves): off too"),
+        "actuation_gain": Scene([loads(0.0), loads(10.0)], LOAD, "vented (lower curves): no error"),
         "pressure_offset": Scene(
             [ramps((12.0,), 2.0), ramps((12.0,), 2.0, moment_n_m=6 * MNM)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "bent at zero pressure",
             values={"offset_pa": 1.2e3},
         ),
         "dead_zone": Scene(
             [ramps((6.0, 0.0), 1.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "still at first",
             values={"threshold_pa": 1e3},
         ),
-        "supply_lag": Scene(
-            [ramps_then_load()], clock, "time / s", "the load step (right) is followed at once"
-        ),
+        "supply_lag": Scene([ramps_then_load()], CLOCK, "the load step (right) is followed at once"),
         "viscous_damping": Scene(
             [ramps_then_load()],
-            clock,
-            "time / s",
+            CLOCK,
             "the load step (right) is delayed too",
             values={"time_s": 0.6},
         ),
         "viscoelastic": Scene(
-            [ramps((12.0, 0.0), 12.0, holds_s=90.0)], clock, "time / s", "drift in the hold and after venting"
+            [ramps((12.0, 0.0), 12.0, holds_s=90.0)], CLOCK, "drift in the hold and after venting"
         ),
         "friction_hysteresis": Scene(
             [ramps((12.0, 7.0, 9.0, 5.0, 12.0, 0.0), rate) for rate in (0.5, 5.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "the same loop slow and fast",
         ),
         "mullins": Scene(
             [ramps((4.0, 0.0, 4.0, 0.0, 8.0, 0.0, 8.0, 0.0, 12.0, 0.0, 12.0, 0.0), 2.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "first loadings lie on the model's line",
             values={"softening": 0.35},
         ),
         "permanent_set": Scene(
             [ramps((4.0, 0.0, 8.0, 0.0, 12.0, 0.0), 4.0, holds_s=4.0)],
-            clock,
-            "time / s",
+            CLOCK,
             "what stays grows with the largest angle",
             values={"share": 0.12},
         ),
         "gravity_scale": Scene(
             [History.of({"pressure_pa": np.full(61, 4e3)}, base_angles_rad=turns)],
-            pitch,
-            "pitch of the base / °",
+            PITCH,
             "the error turns with the base",
             modules=8,
             values={"factor": 1.5},
         ),
-        "self_contact": Scene([ramps((14.0, 0.0), 2.0)], pressure, "pressure / kPa", "a kink at one angle"),
+        "self_contact": Scene([ramps((14.0, 0.0), 2.0)], PRESSURE, "a kink at one angle"),
         "thermal_softening": Scene(
             [loads(0.0, t) for t in (2.0, 22.0, 42.0)],
-            load,
-            "load moment / mN·m, at 2, 22 and 42 °C",
+            LOAD,
             "right at 22 °C",
+            note=", at 2, 22 and 42 °C",
             values={"loss_per_k": 0.01},
         ),
         "wall_thickness": Scene(
             [loads(0.0), loads(10.0)],
-            load,
-            "load moment / mN·m",
+            LOAD,
             "vented and pressed: stiffer",
             values={"ratio": 1.15},
         ),
-        "leak": Scene(
-            [closed_valve()], clock, "time / s", "the valve closes at 15 s", values={"rate_1_s": 0.02}
-        ),
+        "leak": Scene([closed_valve()], CLOCK, "the valve closes at 15 s", values={"rate_1_s": 0.02}),
         "bimodulus": Scene(
             [loads(0.0)],
-            load,
-            "load moment / mN·m",
+            LOAD,
             "too far one way, too little the other",
             values={"asymmetry": 0.3},
         ),
-        "inertia": Scene([step()], milliseconds, "time / ms", "overshoots and rings", modules=8),
+        "inertia": Scene([step()], CLOCK, "overshoots and rings", modules=8),
         "tendon_friction": Scene(
             [pulls()],
-            tension,
-            "tendon force / N",
+            TENSION,
             "the loop grows with the tension",
             modules=8,
             values={"friction": 0.3},
         ),
         "sensor_bias": Scene(
             [ramps((12.0, 0.0), 2.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "the same everywhere",
             values={"bias_rad": 0.05},
         ),
         "sensor_scale": Scene(
             [loads(0.0), loads(10.0)],
-            load,
-            "load moment / mN·m",
+            LOAD,
             "off by a share of the angle, right at zero",
             values={"excess": 0.15},
         ),
         "sensor_lag": Scene(
             [ramps_then_load()],
-            clock,
-            "time / s",
+            CLOCK,
             "the load step (right) is late too",
             values={"time_s": 0.5},
         ),
         "backlash": Scene(
             [ramps((12.0, 7.0, 9.0, 5.0, 12.0, 0.0), 2.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "stands still after every reversal",
             values={"play_rad": 0.06},
         ),
         "base_misalignment": Scene(
             [History.of({"pressure_pa": np.zeros(61)}, base_angles_rad=turns)],
-            pitch,
-            "pitch of the base / °",
+            PITCH,
             "the error is largest where the chain hangs",
             modules=8,
             values={"pitch_rad": 0.15},
         ),
         "inter_module_compliance": Scene(
             [loads(0.0)],
-            load,
-            "load moment / mN·m",
+            LOAD,
             "the middle joint of three: twice an end's error",
             modules=3,
             values={"share": 0.3},
             reads="joint_2_angle_rad",
-            name="angle of joint 2 / °",
+            name="angle of joint 2",
         ),
         "end_restraint": Scene(
             [loads(10.0)],
-            load,
-            "load moment / mN·m",
+            LOAD,
             "the last of three joints bends too little",
             modules=3,
             values={"cap_share": 0.65},
             reads="joint_3_angle_rad",
-            name="angle of joint 3 / °",
+            name="angle of joint 3",
         ),
         "link_stretch": Scene(
             [ramps((12.0, 0.0), 2.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "the tip is farther out, the more the higher the pressure",
             modules=8,
             values={"strain_per_mpa": 8.0},
             reads="tip_x_m",
-            name="tip beside the base / mm",
+            name="tip beside the base",
         ),
         "cross_axis": Scene(
             [ramps((12.0, 0.0), 2.0)],
-            pressure,
-            "pressure / kPa",
+            PRESSURE,
             "the tip leaves the plane as the chain bends",
             modules=8,
             values={"turn_rad": 0.2},
             reads="tip_y_m",
-            name="tip across the plane / mm",
+            name="tip across the plane",
         ),
     }
 
 
 def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
-    """The scene's reading in degrees or mm, as the sensors say it, in each run."""
+    """The scene's reading in SI units, as the sensors say it, in each run."""
     law = softening_law()
     if "tendon_force_n" in scene.runs[0].actuation:
         gains = {"k_n": PASCALS_PER_NEWTON * law.k_n, "m_a": PASCALS_PER_NEWTON * law.m_a}
@@ -318,8 +282,7 @@ def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
     engine = component.build(component.config_model()(kind="quasistatic"))
     reached = [model.commanded(history) for history in scene.runs]
     paths = engine.follow(model.chain, reached)[0]
-    read = [run_readings(model, p.joint_angles, h)[scene.reads] for p, h in zip(paths, reached, strict=True)]
-    return [np.degrees(r) if scene.reads.endswith("_rad") else 1e3 * r for r in read]
+    return [run_readings(model, p.joint_angles, h)[scene.reads] for p, h in zip(paths, reached, strict=True)]
 
 
 def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
@@ -330,11 +293,13 @@ def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
     figure = Figure(figsize=(4.6, 2.9), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.subplots()
+    across, up = named_unit(scene.over.label, scene.over.si), named_unit(scene.name, si_unit(scene.reads))
     for name, present, style in (("with the effect", effect, WITH), ("model", None, WITHOUT)):
-        for number, (run, angle) in enumerate(zip(scene.runs, drawn(registry, scene, present), strict=True)):
-            ax.plot(scene.over(run), angle, label=name if number == 0 else None, **style)
-    ax.set_xlabel(scene.label)
-    ax.set_ylabel(scene.name)
+        for number, (run, read) in enumerate(zip(scene.runs, drawn(registry, scene, present), strict=True)):
+            points = across.factor * scene.over.of(run), up.factor * read
+            ax.plot(*points, label=name if number == 0 else None, **style)
+    ax.set_xlabel(across.axis + scene.note)
+    ax.set_ylabel(up.axis)
     ax.set_title(scene.look, fontsize=10, color=DARK)
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(frameon=False, fontsize=8, loc="best")

@@ -16,9 +16,9 @@ from matplotlib.patches import Circle, Rectangle
 from pliant_plugins.families.bellow.profile import BellowProfile
 from pliant_plugins.families.bellow_bending.mesh import BellowGeometry
 from pliant_plugins.families.bellow_helical.family import OFFSET, BellowHelical, BellowHelicalConfig
-from pliant_plugins.families.fibre_reinforced.geometry import TubeGeometry
-from pliant_plugins.families.pneunet.geometry import ChamberGeometry
-from pliant_plugins.families.tendon_joint.geometry import JointGeometry
+from pliant_plugins.families.fibre_reinforced.family import TubeGeometry
+from pliant_plugins.families.pneunet.family import ChamberGeometry
+from pliant_plugins.families.tendon_joint.family import JointGeometry
 
 OUT = Path(__file__).parent.parent / "pictures"
 BLUE, ORANGE, GREY, DARK = "#0072B2", "#D55E00", "#9a9a9a", "#222222"

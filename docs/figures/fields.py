@@ -19,9 +19,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
+from pliant.formatting import named_unit, unit_of
+
 OUT = Path(__file__).parents[2] / "docs" / "pictures" / "fields.png"
 NEAR = 1e-9
 SHOWN_SHARE = 0.995
+STRESS = named_unit("von Mises stress", "Pa")
 
 
 def main(folder: Path) -> None:
@@ -30,16 +33,16 @@ def main(folder: Path) -> None:
         rows = [r for r in csv.DictReader(file) if r["branch"] == "free"]
     states = [(row, _section(folder / row["file"])) for row in rows]
     stress = states[-1][1][2]
-    norm = Normalize(0, 1e-3 * float(np.quantile(stress, SHOWN_SHARE)))
+    norm = Normalize(0, STRESS.factor * float(np.quantile(stress, SHOWN_SHARE)))
     figure = Figure(figsize=(9.6, 3.7), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(states), sharex=True, sharey=True)
     for axes, (row, section) in zip(panels, states, strict=True):
         _draw(axes, section, norm)
-        pressure, angle = float(row["pressure_pa"]) / 1e3, np.degrees(float(row["angle_rad"]))
-        axes.set_title(f"{pressure:.3g} kPa, {angle:.1f}°", fontsize=10)
+        values = ", ".join(unit_of(name).text(float(row[name]), 3) for name in ("pressure_pa", "angle_rad"))
+        axes.set_title(values, fontsize=10)
     bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(panels), extend="max", fraction=0.025)
-    bar.set_label("von Mises stress, kPa")
+    bar.set_label(STRESS.axis)
     figure.savefig(OUT, dpi=150, metadata={"Software": None})
 
 
@@ -67,7 +70,7 @@ def _draw(axes: Any, section: tuple[np.ndarray, np.ndarray, np.ndarray], norm: N
     points, triangles, stress = section
     for side in (1, -1):
         shape = Triangulation(side * points[:, 0], points[:, 1], triangles)
-        axes.tripcolor(shape, 1e-3 * stress, norm=norm, cmap="viridis", shading="gouraud")
+        axes.tripcolor(shape, STRESS.factor * stress, norm=norm, cmap="viridis", shading="gouraud")
     axes.set_aspect("equal")
     axes.set_axis_off()
 

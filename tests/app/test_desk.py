@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +18,12 @@ from pliant.app import work
 from pliant.app.curves import predicted_points
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
+from pliant.app.open_model import Kept
 from pliant.diagnosis.extension import Ground, extend
 from pliant.diagnosis.test_split import lock
 from pliant.errors import UserError
+
+from .conftest import recording
 
 
 def _ticked(desk: Desk, kind: str) -> tuple[dict[str, object], ...]:
@@ -117,11 +123,62 @@ def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
     assert any("not predicted better" in one for one in model["warnings"])
 
 
+def test_a_false_effect_beside_a_true_one_is_warned_of(desk: Desk) -> None:
+    """Fitted together in one go, the true one may not hide that the other one earns nothing."""
+    desk.run("fit", ["actuation_gain", "permanent_set"])
+    desk.bench.wait()
+    warnings = desk.view()["model"]["warnings"]
+    assert any(one.startswith("permanent_set: ") for one in warnings)
+    assert not any(one.startswith("actuation_gain") for one in warnings)
+
+
+def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> None:
+    """It makes nothing worse, and yet nothing shows it; one that helps is not doubted."""
+    desk.step(({"kind": "sensor_bias", "bias_rad": 1e-5},), [], "next to nothing")
+    (said,) = desk.view()["model"]["warnings"]
+    assert "unseen runs do not show that it is missing" in said
+    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    assert not desk.view()["model"]["warnings"]
+
+
+def test_copying_changes_no_saved_study(desk: Desk) -> None:
+    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    saved = Path(desk.save()["path"])
+    before = saved.read_text()
+    desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
+    assert "gain: 1.1" in desk.as_yaml()["yaml"]
+    assert saved.read_text() == before
+    assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
+
+
+def test_what_several_threads_ask_is_worked_out_once() -> None:
+    kept, begun = Kept(2), threading.Barrier(4)
+    made: list[int] = []
+
+    def work() -> int:
+        time.sleep(0.02)
+        made.append(1)
+        return len(made)
+
+    def ask() -> int:
+        begun.wait()
+        return int(kept.get("same", work))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert [one.result() for one in [pool.submit(ask) for _ in range(4)]] == [1] * 4
+    kept.get("a", lambda: 0), kept.get("b", lambda: 0)
+    assert kept.get("same", work) == 2  # the oldest had to go
+    with pytest.raises(ZeroDivisionError):
+        kept.get("wrong", lambda: 1 // 0)
+    assert kept.get("wrong", lambda: 5) == 5
+
+
 def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
     model = _fitted(desk, "actuation_gain")
     said = desk.save()
     saved = Path(said["path"])
-    assert shlex.split(said["commands"])[:2] == ["pliant", "extend"] and "actuation_gain" in said["commands"]
+    assert shlex.split(said["commands"][1])[:2] == ["pliant", "extend"]
+    assert "actuation_gain" in said["commands"][1]
     opened = api.open_study(saved, store=bench / "store")
     assert [effect.canonical() for effect in opened.study.effects] == [dict(one) for one in model["effects"]]
     assert opened.study.posterior is not None
@@ -129,7 +186,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
     desk.step(by_hand, [], "by hand")
     mine = desk.save("my own")
-    assert shlex.split(mine["commands"]) == ["pliant", "compare", mine["path"]]
+    assert shlex.split(mine["commands"][-1]) == ["pliant", "compare", mine["path"]]
     again = api.open_study(mine["path"], store=bench / "store")
     assert again.study.effects[0].canonical()["gain"] == 1.1
     assert again.study.posterior is None
@@ -164,3 +221,58 @@ def test_effects_that_cannot_be_are_refused(desk: Desk) -> None:
     ):
         with pytest.raises(UserError):
             desk.step((wrong,), [], "wrong")
+
+
+def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "write_an_effect.md").read_text("utf-8")
+    code = text.split("```python\n", 1)[1].split("```", 1)[0]
+    file = bench / "stiffening.py"
+    file.write_text(code)
+    study = bench / "own.yaml"
+    study.write_text((bench / "bend.yaml").read_text() + "plugins: [stiffening.py]\n")
+    desk = Desk(SessionFolder(bench / "own"), bench / "store")
+    with pytest.warns(match="stiffening.py"):  # as every command says before it runs code
+        desk.begin(study, [])
+
+    def listed() -> dict[str, object]:
+        return next(one for one in desk.view()["model"]["catalogue"] if one["kind"] == "stiffening")
+
+    assert listed()["file"] == "stiffening.py"
+    before = listed()["sliders"][0]["high"]
+    version, key = desk.pulse()["version"], desk._now().key
+    assert desk.pulse()["version"] == version
+    file.write_text(code.replace("plausible=(0.5, 5.0)", "plausible=(0.5, 8.0)") + "# other\n")
+    assert desk.pulse()["version"] > version
+    assert listed()["sliders"][0]["high"] > before
+    assert desk._now().key != key  # nothing that the former code gave is taken for the new one's
+    file.write_text("x =")
+    desk.pulse()
+    assert "not Python" in desk.view()["refused"]
+    file.write_text(code)
+    desk.pulse()
+    assert listed()["sliders"][0]["high"] == before
+
+
+@pytest.mark.slow
+def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> None:
+    """The sensor adds 0.03 sin(30 u): no listed effect does."""
+    lines = recording(hidden=1.0).splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    angles = [float(row[-1]) for row in rows]
+    waved = [[*row[:-1], f"{a + 0.03 * np.sin(30 * a):.6f}"] for row, a in zip(rows, angles, strict=True)]
+    (bench / "bench.csv").write_text("\n".join([lines[0], *map(",".join, waved)]) + "\n")
+    desk = Desk(SessionFolder(bench / "session"), bench / "store")
+    desk.begin(bench / "bend.yaml", [])
+    desk.run("improve", learned=True)
+    desk.bench.wait()
+    model = desk.view()["model"]
+    first, last = model["steps"][0], model["steps"][-1]
+    assert last["aside"] < 0.3 * first["aside"]
+    curve = model["fit"]["learned"]["curve"]
+    x, value = np.array(curve["x"]), np.array(curve["value"])
+    at, knots = np.array(curve["knots"])
+    assert np.allclose(np.interp(at, x, value), knots, atol=0.03 * np.ptp(knots))
+    assert (x[0] < curve["ends"][0]) and (x[-1] > curve["ends"][1])
+    assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
+    saved = api.open_study(desk.save()["path"], store=bench / "store")
+    assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]

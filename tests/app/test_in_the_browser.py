@@ -112,6 +112,20 @@ def test_a_user_finds_the_hidden_effect(tmp_path: Path, browser: Any) -> None:
         page.screenshot(path=PICTURES / "4-saved.png")
         saved = next((session / "saved").glob("*.yaml"))
         assert api.compare(api.open_study(saved, store=store)).rmse_over_floor < 1.2
+        page.click("#dialog button")
+
+        report = (
+            browser.new_page()
+        )  # its scripts run, in an origin that reaches neither the page nor its token
+        report.on("console", lambda said: problems.append(said.text) if said.type == "error" else None)
+        report.goto(address.replace("/?", "/report?"))
+        report.wait_for_selector("figure.live .panel .u-over", timeout=LONG)
+        assert report.evaluate("origin") == "null"
+        report.close()
+
+        page.select_option("#keep", "page")
+        page.wait_for_selector("#dialog[open]", timeout=LONG)
+        assert next((session / "saved").glob("*.html")).stat().st_size < 3e6
         page.close()
     finally:
         server.send_signal(signal.SIGINT)

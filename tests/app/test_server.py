@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("starlette", reason="pip install 'pliant[app]'")
@@ -18,6 +22,9 @@ from pliant.app.folder import SessionFolder
 from pliant.app.inbox import receive, safe_name
 from pliant.app.server import application
 from pliant.errors import UserError
+from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
+from pliant.report.document import Document, Picture, drawn
+from pliant.report.render import page
 
 from .conftest import STUDY, recording
 
@@ -65,6 +72,25 @@ def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient
     policy = empty[0].get(f"/?token={TOKEN}").headers["content-security-policy"]
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
     assert "script-src 'self';" in policy
+
+
+def test_scripts_of_a_report_are_allowed_by_what_is_in_them(empty: tuple[TestClient, Desk]) -> None:
+    client, desk = empty
+    desk.folder.results.joinpath("a.html").write_text("<p>", "utf-8")
+    policy = client.get("/result/a.html", headers=MINE).headers["content-security-policy"]
+    allowed = re.search(r"script-src ([^;]*);", policy)
+    assert allowed is not None and "unsafe" not in allowed[1] and "allow-same-origin" not in policy
+    scripts = re.findall(r"<script>(.*?)</script>", page(_moving_document()).html, re.DOTALL)
+    digests = [base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts]
+    assert len(scripts) == 3
+    assert sorted(allowed[1].split()) == sorted(f"'sha256-{one}'" for one in digests)
+
+
+def _moving_document() -> Document:
+    x = np.arange(3.0)
+    chart = Chart((Panel(ChartAxis("a"), ChartAxis("b"), (ChartLine("measured", x, x),)),))
+    shown = Picture("one", "one", np.zeros(8, np.uint8), chart)
+    return Document(kind="k", title="t", sentence="s", data={}, draw=lambda: drawn(shown))
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,16 @@ def test_leaving_out_is_what_a_fit_without_the_group_predicts():
     np.testing.assert_allclose(left[~kept], residual[~kept] - slopes[~kept] @ mean, atol=1e-9)
 
 
+def test_slopes_beyond_all_measure_leave_a_posterior():
+    """Near a snap the slope by one value is 1e12 times those by the others: rounding must not end the fit."""
+    slopes, residual, groups = bench(lambda x: x)
+    prior, plain, _ = fitted(slopes, residual, groups)
+    steep = slopes * np.where(np.arange(20) % 2, 1e12, 1.0)
+    mean, covariance = prior.posterior(sum_of(steep), steep.T @ residual)
+    assert np.isfinite(mean).all() and np.linalg.eigvalsh(covariance).min() > -1e-12
+    assert np.abs(mean[1::2]).max() < 1e-9 * np.abs(plain).max()
+
+
 def test_a_curve_that_moves_nothing_has_no_prior():
     slopes, residual, groups = bench(lambda x: x)
     assert most_likely([AXIS], Sums.of(0.0 * slopes, residual, groups), 600.0, 1.0) is None

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from tests.diagnosis.quick import effect, joint, measured, predictor_of, rich
 
+from pliant.diagnosis import fitting
 from pliant.diagnosis.diagnosis import diagnose
+from pliant.errors import UserError
 from pliant.execution.executors import Executor, InlineExecutor, ThreadExecutor, executor_for
 
 KINDS = ("stiffness", "viscoelastic", "sensor_bias")
@@ -42,3 +44,18 @@ def test_workers_change_nothing(made: Callable[[], Executor]) -> None:
     assert here.judgement.probability == there.judgement.probability
     for kinds, fit in here.fits.items():
         np.testing.assert_array_equal(fit.x, there.fits[kinds].x)
+
+
+class Cluster(Far):
+    """Workers that may have other code."""
+
+    remote = True
+
+
+def test_a_worker_with_other_code_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = joint()
+    predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
+    fingerprints = iter(["of the driver", "of the driver", "of another version"])
+    monkeypatch.setattr(fitting, "code_of", lambda modules: next(fingerprints))
+    with pytest.raises(UserError, match="another version of Pliant, of a plugin or of a library"):
+        diagnose(predictor, kinds=KINDS, workers=Cluster())

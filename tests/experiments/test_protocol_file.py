@@ -15,7 +15,7 @@ from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import BenchScale, named_run
 from pliant.experiments.protocol_file import write_protocol
-from pliant.measurements.joining import together
+from pliant.measurements.files import together
 from pliant.measurements.reading import read_measurement
 from pliant.measurements.writing import write_measurement
 

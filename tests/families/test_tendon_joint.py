@@ -9,12 +9,12 @@ from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import area_vector, enclosed_volume
 from pliant.records.shape import TriangleMesh
 from pliant_plugins.families.tendon_joint.family import (
+    JointGeometry,
     TendonJoint,
     TendonJointConfig,
     link_mesh,
     link_surface,
 )
-from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 from pliant_plugins.manifest import TENDON_JOINT
 
 ANGLES = (-0.6, -1e-5, 0.0, 3e-5, 0.2, 0.9, 1.6)

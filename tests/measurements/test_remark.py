@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from pliant.measurements.files import together
 from pliant.measurements.floors import floor_remarks, noise_floors
-from pliant.measurements.joining import together
 from pliant.measurements.plausible import as_remark
 from pliant.measurements.reading import read_measurement
 from pliant.records.measurement import Doubt

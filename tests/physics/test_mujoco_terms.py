@@ -19,8 +19,7 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.term import LawTerm
 from pliant.testing.physics import NO_GRAVITY
-from pliant.testing.physics_runs import dashpot
-from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain
+from pliant.testing.samples import dashpot, linear_law, linear_spherical_law, sample_chain
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic

@@ -16,10 +16,10 @@ from pliant.records.law import Effort
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.term import LawTerm
-from pliant.testing.physics_runs import dashpot
 from pliant.testing.samples import (
     PRESSURE_PA,
     LinearLaw,
+    dashpot,
     linear_spherical_law,
     sample_chain,
     sample_finger,

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-import shlex
+import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
 
 from pliant import __version__, api
-from pliant.app import work
+from pliant.app import describing, leaving, work
 from pliant.app.curves import curves, predicted_points
 from pliant.app.folder import SessionFolder, key_of
-from pliant.app.inbox import STUDIES, checked_study
+from pliant.app.inbox import STUDIES, TABLES, checked_study
 from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
+from pliant.app.own_files import Watch
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
+from pliant.app.showing import recording, shown
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
 from pliant.formatting import displayed_in, listed, unit_of
 from pliant.measurements.written_units import units_as_written
-from pliant.report.comparison import comparison_document
+from pliant.pipeline.study import chain_of_study
+from pliant.registry.discovery import discover
 from pliant.report.render import page
 from pliant.store.store import write_atomically
 
 AS_IT_IS = "the study as it is"
+# What is kept beside a saved study, and its ending.
+KEPT = {"page": ".html", "notebook": ".ipynb", "commands": ".sh"}
 
 
 class Desk:
@@ -42,7 +48,9 @@ class Desk:
         self.said: list[str] = []
         self._model: tuple[Any, OpenModel] | None = None
         self._catalogue: list[dict[str, Any]] | None = None
+        self._watch = Watch()
         self._lock = threading.RLock()
+        self._slow = threading.Lock()  # one question that takes seconds at a time; sliders do not wait for it
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open what the command names, or go on where the session was; work that was cut off is taken up."""
@@ -57,12 +65,17 @@ class Desk:
                 self._opened()
             if self.state.pending:
                 pending = dict(self.state.pending)
-                self.run(pending["what"], pending.get("kinds", ()))
+                if pending["what"] == "describe":
+                    self.solve(self.folder.files / pending["file"])
+                    return
+                self.run(pending["what"], pending.get("kinds", ()), pending.get("learned", False))
 
     # What is there
 
     def pulse(self) -> dict[str, Any]:
-        """Small enough to ask every second: whether anything changed, and what runs."""
+        """Small enough to ask every second: whether anything changed, a user's own effect too, and what runs."""
+        if changed := self._watch.changed():
+            self._reload([file.name for file in changed])
         job = self.bench.job
         return {"version": self.state.version, "job": None if job is None else job.as_json()}
 
@@ -70,7 +83,7 @@ class Desk:
         """Everything but the curves."""
         with self._lock:
             state = self.state
-            shown: dict[str, Any] = {
+            whole: dict[str, Any] = {
                 "pliant": __version__,
                 "version": state.version,
                 "study": Path(state.study).name,
@@ -81,13 +94,13 @@ class Desk:
                 "model": None,
             }
             if not state.study:
-                return shown | {"recording": self._recording()}
+                return whole | {"recording": recording(self.state.data)}
             try:
                 model = self._opened()
             except PliantError as error:
-                return shown | {"refused": str(error), "recording": self._recording()}
+                return whole | {"refused": str(error), "recording": recording(self.state.data)}
             with displayed_in(units_as_written(model.measurement)):
-                return shown | {"model": self._shown(model)}
+                return whole | {"model": self._shown(model)}
 
     def curves(self) -> dict[str, Any]:
         """The points of the pictures; they do not change with the effects."""
@@ -98,14 +111,14 @@ class Desk:
 
     def preview(self, values: Effects, parts: int = 0) -> dict[str, Any]:
         """The prediction with these effects, and its errors; `parts` steps between samples, as needed where 0."""
-        model = self._now()
+        model, now = self._present()
         with displayed_in(units_as_written(model.measurement)):
             try:
                 predicted = model.quick(values, parts) if parts else model.predicted(values)
                 used = parts or model.parts(values)
             except ValidationError as error:
                 raise UserError(f"out of bounds: {error.errors()[0]['msg']}.") from None
-            noise = model.noise(model.predicted(self.state.now.effects) if parts else predicted)
+            noise = model.noise(model.predicted(now.effects) if parts else predicted)
             return {
                 "predicted": predicted_points(model, predicted),
                 "errors": vars(model.errors(predicted, noise)),
@@ -120,8 +133,8 @@ class Desk:
 
     def where(self) -> dict[str, Any]:
         """Where the present model fails on the training runs, in words and as a table."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             with displayed_in(units_as_written(model.measurement)):
                 found = model.comparison(now.effects)
                 return {
@@ -148,8 +161,8 @@ class Desk:
 
     def screen(self) -> dict[str, Any]:
         """What every effect could explain of what is left; kept under the model."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             key = key_of("screen", model.key, now.effects)
             found = self.folder.result(key)
             if found is None:
@@ -175,6 +188,53 @@ class Desk:
                 dropped = tuple(dict.fromkeys((*self.state.data, str(path))))
                 self._keep(PageState(self.state.study, dropped, version=self.state.version))
             self._model = None
+
+    def form(self) -> dict[str, Any]:
+        """The form that describes a robot, with the tables that were dropped."""
+        return {**describing.form(discover()), "tables": self._tables()}
+
+    def describe(self, values: Mapping[str, Any]) -> None:
+        """Write the study of a form that was filled in, solve its law, and open it.
+
+        Raises:
+            UserError: it is no study that can be read, or other work is under way.
+        """
+        with self._lock:
+            text = describing.described(values, self._tables())
+            path = self.folder.files / f"{name_of_file(Path(str(values.get('name') or 'robot')))}.yaml"
+            before = path.read_text(encoding="utf-8") if path.exists() else None
+            write_atomically(path, text)
+            try:
+                checked_study(path)
+                api.open_study(path, store=self.store)
+            except PliantError as error:
+                write_atomically(path, before) if before is not None else path.unlink()
+                raise UserError(
+                    re.sub(rf"{re.escape(str(path))}(, line \d+)?", "the form", str(error))
+                ) from None
+            table = str(values.get("table", "")) if values.get("way") == "data" else ""
+            kept = tuple(one for one in self.state.data if Path(one).name != table)
+            self._keep(replace(self.state, data=kept))
+            self.solve(path)
+
+    def solve(self, path: Path) -> None:
+        """Solve or fit the law of a study that was described, then open it."""
+
+        def go(job: Job) -> None:
+            job.words = "the law of one module; what is solved once is kept"
+            opened = api.open_study(path, store=self.store)
+            chain_of_study(opened.bench, opened.study)
+
+        def ended(job: Job, said: str) -> None:
+            with self._lock:
+                self._keep(replace(self.state, pending=None))
+                if said:
+                    self.said.append(said)
+                else:
+                    self.take(path.name)
+
+        self._keep(replace(self.state, pending={"what": "describe", "file": path.name}))
+        self.bench.begin(Job("describe", key_of("describe", path.read_text(encoding="utf-8"))), go, ended)
 
     def forget(self, name: str) -> None:
         """Leave a recording out of the session; its file stays."""
@@ -205,8 +265,17 @@ class Desk:
         with self._lock:
             self._keep(self.state.at(cursor))
 
-    def run(self, what: str, kinds: Sequence[str] = ()) -> None:
-        """Begin long work, or show at once what it gave before."""
+    def run(self, what: str, kinds: Sequence[str] = (), learned: bool = False) -> None:
+        """Begin long work, or show at once what it gave before.
+
+        Args:
+            what: "fit", "diagnose" or "improve".
+            kinds: effects to fit.
+            learned: whether a learned term may be the last step of an improvement.
+
+        Raises:
+            UserError: it is none of these, or there is nothing to fit, or other work is under way.
+        """
         with self._lock:
             model, now = self._now(), self.state.now
             own = {effect.kind for effect in model.study.effects}
@@ -219,7 +288,10 @@ class Desk:
                     lambda task, key: work.fit(task, self.folder, key, sorted(kinds)),
                 ),
                 "diagnose": (now.effects, lambda task, key: work.diagnose(task, self.folder, key)),
-                "improve": (model.own_effects, lambda task, key: work.improve(task, self.folder, key)),
+                "improve": (
+                    [model.own_effects, learned],
+                    lambda task, key: work.improve(task, self.folder, key, learned),
+                ),
             }
             if what not in ways:
                 raise UserError(f"there is no '{what}' here.")
@@ -238,43 +310,66 @@ class Desk:
                     found = does(task, key)
                 self.folder.keep_result(key, found)
 
-            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds)}))
+            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
             self.bench.begin(Job(what, key), go, self._ended)
 
     def stop(self) -> None:
         """Stop the work that runs."""
         self.bench.stop()
 
-    def save(self, name: str = "") -> dict[str, str]:
-        """Write the present model as a study; returns its path, its text and a command."""
+    def save(self, name: str = "") -> dict[str, Any]:
+        """Write the present model as a study, over one of that name; returns its path, its text and commands."""
         with self._lock:
-            model, now = self._now(), self.state.now
-            stem = name_of_file(Path(name)) if name else f"{name_of_file(model.path)}+page"
-            target = self.folder.saved / f"{stem or 'study'}.yaml"
-            known = self.folder.result(now.result) if now.result else None
-            written = self.folder.results / str(known["study"]) if known and known.get("study") else None
-            fitted = written is not None and written.exists()
-            if written is not None and fitted:
-                write_atomically(target, written.read_text(encoding="utf-8"))
-            else:
-                work.write_by_hand(target, model, now.effects)
+            target = self._target(name)
+            self._write_study(target)
             return {
                 "name": target.name,
                 "path": str(target),
                 "yaml": target.read_text(encoding="utf-8"),
-                "commands": _command(model, target, known if fitted else None),
+                "commands": leaving.commands(self._way(target)),
             }
+
+    def keep(self, what: str, name: str = "") -> dict[str, Any]:
+        """Save the study, and beside it the whole page, or the way as a notebook or as commands.
+
+        Raises:
+            UserError: it is none of `page`, `notebook` and `commands`.
+        """
+        if what not in KEPT:
+            raise UserError(f"'{what}' cannot be kept; choose one of {listed(list(KEPT))}.")
+        with self._slow:
+            model, now = self._present()
+            saved = self.save(name)
+            way = self._way(Path(saved["path"]))
+            target = Path(saved["path"]).with_suffix(KEPT[what])
+            with displayed_in(units_as_written(model.measurement)):
+                if what == "page":
+                    text = leaving.saved_page(model, now.effects, self._shown(model), saved["commands"])
+                elif what == "notebook":
+                    text = leaving.notebook(way, model.study.name)
+                else:
+                    text = "\n".join(["#!/bin/sh", "set -e", *saved["commands"], ""])
+            write_atomically(target, text)
+            return {
+                **saved,
+                "kept": target.name,
+                "kept_path": str(target),
+                "text": "" if what == "page" else text,
+            }
+
+    def as_yaml(self) -> dict[str, str]:
+        """The present model as a study's text; no study that was saved changes."""
+        with self._lock, TemporaryDirectory(dir=self.folder.path) as beside:
+            target = Path(beside) / f"{name_of_file(self._now().path)}+page.yaml"
+            self._write_study(target)
+            return {"yaml": target.read_text(encoding="utf-8")}
 
     def report(self) -> str:
         """`pliant compare`'s page of the present model on the training runs."""
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self._slow:
+            model, now = self._present()
             with displayed_in(units_as_written(model.measurement)):
-                found = model.comparison(now.effects)
-                training = model.split.training
-                return page(
-                    comparison_document(model.study.name, training, model.predicted(now.effects), found)
-                ).html
+                return page(leaving.present_document(model, now.effects)).html
 
     # Inside
 
@@ -288,6 +383,7 @@ class Desk:
         if self._model is None or self._model[0] != key:
             model = OpenModel.open(Path(self.state.study), [Path(one) for one in self.state.data], self.store)
             self._model, self._catalogue = (key, model), None
+            self._watch = Watch(model.study.plugins)
             if not self.state.steps:
                 first = PageStep(AS_IT_IS, as_effects(model.own_effects))
                 self._keep(replace(self.state, steps=(first,), cursor=0))
@@ -295,63 +391,66 @@ class Desk:
         self._model = (key, held)
         return held
 
+    def _tables(self) -> list[str]:
+        """Names of tables that were dropped."""
+        found = (one.name for one in self.folder.files.iterdir() if one.name[0] != ".")
+        return sorted(name for name in found if Path(name).suffix.lower() in TABLES)
+
+    def _target(self, name: str) -> Path:
+        stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
+        return self.folder.saved / f"{stem or 'study'}.yaml"
+
+    def _way(self, saved: Path) -> leaving.Way:
+        """How the present model came to be."""
+        model, now = self._now(), self.state.now
+        known = self.folder.result(now.result) if now.result else None
+        diagnosis = self.folder.result(key_of("diagnose", model.key, model.own_effects))
+        found = known or {"what": "", "kinds": ()}
+        kinds = tuple(found["kinds"]) if found["what"] == "fit" else ()
+        learned = bool(found.get("learned"))
+        return leaving.Way(
+            model.path, model.data, diagnosis is not None, found["what"], kinds, learned, saved
+        )
+
+    def _write_study(self, target: Path) -> None:
+        """The present model as a study: as its fit wrote it, else with the values that a hand set."""
+        model, now = self._now(), self.state.now
+        known = self.folder.result(now.result) if now.result else None
+        written = self.folder.results / str(known["study"]) if known and known.get("study") else None
+        if written is not None and written.exists():
+            write_atomically(target, written.read_text(encoding="utf-8"))
+        else:
+            work.write_by_hand(target, model, now.effects)
+
+    def _reload(self, files: Sequence[str]) -> None:
+        """A file of the study's own effects says something else: read it anew, as the command line would."""
+        with self._lock:
+            self._model = None
+            self._keep(self.state)
+            self.said.append(f"{listed(files)} changed and is read anew.")
+            try:
+                self._opened().effects(self.state.now.effects)
+            except PliantError:
+                pass  # the view says what is wrong with the file; once it is mended it is read again
+            except ValidationError:
+                self.said.append(f"The effects of this step are no longer what {listed(files)} says; undone.")
+                self._keep(self.state.at(0))
+
     def _now(self) -> OpenModel:
         with self._lock:
             if not self.state.study:
                 raise UserError("no study is open; drop one, or choose an example.")
             return self._opened()
 
+    def _present(self) -> tuple[OpenModel, PageStep]:
+        """The model and the step that is looked at, of one moment."""
+        with self._lock:
+            return self._now(), self.state.now
+
     def _shown(self, model: OpenModel) -> dict[str, Any]:
-        state, now = self.state, self.state.now
         if self._catalogue is None:
             self._catalogue = catalogue(model)
-        predicted = model.predicted(now.effects)
-        noise = model.noise(predicted)
-        diagnosis = self.folder.result(key_of("diagnose", model.key, now.effects))
-        of_study = self.folder.result(key_of("diagnose", model.key, model.own_effects))
-        result = self.folder.result(now.result) if now.result else None
-        own = {effect.kind for effect in model.study.effects}
-        added = [str(one["kind"]) for one in now.effects if one["kind"] not in own]
-        warnings = list(result["warnings"]) if result else []
-        warnings += work.doubts_of(added, of_study) if of_study else []
-        errors = model.errors(predicted, noise)
-        plain = model.errors(model.predicted(model.own_effects), noise)
-        worse = errors.aside is not None and plain.aside is not None and errors.aside > 1.01 * plain.aside
-        if added and worse and not any("unseen runs" in one for one in warnings):
-            warnings.append(
-                f"With {listed(added)} the error on the runs put aside rises from {plain.aside:.2f} to "
-                f"{errors.aside:.2f} times the noise: unseen runs become worse."
-            )
-        return {
-            "name": model.study.name,
-            "source": model.measurement.source,
-            "doubts": [doubt.sentence for doubt in model.measurement.doubts],
-            "aside": model.split.why,
-            "effects": now.effects,
-            "first": model.own_effects,
-            "own": sorted(own),
-            "off": list(now.off),
-            "catalogue": self._catalogue,
-            "cursor": state.cursor,
-            "steps": [
-                {"words": step.words, "fitted": bool(step.result), **self._score(model, step, noise)}
-                for step in state.steps
-            ],
-            "fit": result,
-            "warnings": warnings,
-            "diagnosis": diagnosis,
-            "judged": noise.judged,
-        }
-
-    def _score(self, model: OpenModel, step: PageStep, noise: Any) -> dict[str, Any]:
-        """Errors of a step over the present floor; with other runs switched off they are of its own runs."""
-        held = model.without(step.off)
-        try:
-            predicted = model.predicted(step.effects)
-        except PliantError:
-            return {"error": None, "aside": None}
-        errors = held.errors(predicted, noise)
-        return {"error": errors.fitted, "aside": errors.aside}
+        return shown(model, self.state, self.folder, self._catalogue)
 
     def _ended(self, job: Job, said: str) -> None:
         with self._lock:
@@ -371,30 +470,3 @@ class Desk:
         if what == "improve" and not found["kinds"]:
             self.said.append(str(found["sentence"]))
         self._keep(self.state.with_step(step))
-
-    def _recording(self) -> dict[str, Any] | None:
-        """How dropped recordings are understood while no study reads them."""
-        if not self.state.data:
-            return None
-        try:
-            measurement, document = api.read([str(one) for one in self.state.data], {})
-        except PliantError as error:
-            return {"refused": str(error)}
-        return {
-            "sentence": document.sentence,
-            "doubts": [doubt.sentence for doubt in measurement.doubts],
-            "columns": [
-                {"heading": one["heading"], "unit": one["unit"], "name": one["name"]}
-                for one in document.data["columns"]
-            ],
-        }
-
-
-def _command(model: OpenModel, saved: Path, found: Mapping[str, Any] | None) -> str:
-    """What makes a fitted or improved study on the command line; what looks at a saved one that was set by hand."""
-    if found is None:
-        return shlex.join(["pliant", "compare", str(saved)])
-    data = [word for file in model.data for word in ("--data", str(file))]
-    named = [word for kind in found.get("kinds", ()) for word in ("--effect", str(kind))]
-    verb = ["improve"] if found["what"] == "improve" else ["extend"]
-    return shlex.join(["pliant", *verb, str(model.path), *(named if verb == ["extend"] else ()), *data])

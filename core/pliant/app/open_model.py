@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pliant import api
+from pliant.app.own_files import own_code
 from pliant.app.page_state import Effects
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground
@@ -28,6 +32,34 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
 
 MOST_KEPT = 24  # predictions
+
+
+class Kept:
+    """The results asked for last, by key; several threads may ask, and each result is worked out once."""
+
+    def __init__(self, most: int = MOST_KEPT) -> None:
+        self._most, self._lock = most, threading.Lock()
+        self._found: OrderedDict[Hashable, Future[Any]] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What is kept under the key, else what `make` gives; an error is raised to all who wait, and not kept."""
+        with self._lock:
+            kept = self._found.get(key)
+            mine: Future[Any] | None = None
+            if kept is None:
+                kept = mine = self._found[key] = Future()
+            self._found.move_to_end(key)
+            while len(self._found) > self._most:
+                self._found.popitem(last=False)
+        if mine is not None:
+            try:
+                mine.set_result(make())
+            except BaseException as error:
+                with self._lock:
+                    if self._found.get(key) is mine:
+                        del self._found[key]
+                mine.set_exception(error)
+        return kept.result()
 
 
 class StoppedError(Exception):
@@ -89,8 +121,8 @@ class OpenModel:
     measurement: Measurement
     off: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    _predicted: dict[str, tuple[RunReadings, ...]] = field(default_factory=dict)
-    _noise: dict[int, tuple[Sequence[RunReadings], NoiseView]] = field(default_factory=dict)
+    _predicted: Kept = field(default_factory=lambda: Kept())
+    _noise: Kept = field(default_factory=lambda: Kept())
 
     @staticmethod
     def open(path: Path, data: Sequence[Path], store: Path) -> OpenModel:
@@ -107,7 +139,7 @@ class OpenModel:
     def without(self, off: Sequence[str]) -> OpenModel:
         """The same with the readings of these runs switched off; specimens still live through them."""
         names = tuple(run.name for run in self.measurement.runs if run.name in set(off))
-        return self if names == self.off else replace(self, off=names, _predicted={})
+        return self if names == self.off else replace(self, off=names, _predicted=Kept(), _noise=Kept())
 
     @cached_property
     def read(self) -> Measurement:
@@ -151,11 +183,10 @@ class OpenModel:
     def predicted(self, effects: Effects) -> tuple[RunReadings, ...]:
         """What the model with these effects reads in each run."""
         key = json.dumps(effects, sort_keys=True)
-        if key not in self._predicted:
-            while len(self._predicted) >= MOST_KEPT:
-                self._predicted.pop(next(iter(self._predicted)))
-            self._predicted[key] = self.ground.predictor.predict(self.effects(effects))
-        return self._predicted[key]
+        found: tuple[RunReadings, ...] = self._predicted.get(
+            key, lambda: self.ground.predictor.predict(self.effects(effects))
+        )
+        return found
 
     def quick(self, effects: Effects, parts: int) -> tuple[RunReadings, ...]:
         """The same in a given number of steps between samples: for a slider on its way."""
@@ -167,15 +198,14 @@ class OpenModel:
 
     def noise(self, predicted: Sequence[RunReadings]) -> NoiseView:
         """Noise as a model's residuals show it over all runs that are on."""
-        kept = self._noise.get(id(predicted))
-        if kept is None or kept[0] is not predicted:
-            while len(self._noise) >= MOST_KEPT:
-                self._noise.pop(next(iter(self._noise)))
+
+        def seen() -> tuple[Sequence[RunReadings], NoiseView]:  # held with what it is kept under
             scales = dict.fromkeys(self.outputs, 1.0)
             residuals = residuals_of(self.read, predicted)
-            kept = (predicted, noise_view(self.read, residuals, scales, repeat_groups(self.read)))
-            self._noise[id(predicted)] = kept
-        return kept[1]
+            return predicted, noise_view(self.read, residuals, scales, repeat_groups(self.read))
+
+        found: NoiseView = self._noise.get(id(predicted), seen)[1]
+        return found
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -209,4 +239,6 @@ class OpenModel:
         """What results depend on, as JSON values."""
         names = [(run.name, len(run)) for run in self.measurement.runs]
         study = self.study.canonical()
-        return [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]
+        read = [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]
+        own = own_code(self.bench.registry)
+        return [*read, own] if own else read

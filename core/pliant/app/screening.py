@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pliant.app.open_model import OpenModel, WatchedPredictor
+from pliant.app.own_files import file_of
 from pliant.app.page_state import Effects
 from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.classes import connected
@@ -83,6 +84,7 @@ def catalogue(model: OpenModel) -> list[dict[str, Any]]:
             {
                 "kind": kind,
                 "summary": component.summary,
+                "file": file_of(registry, kind),
                 "signature": notes.signature,
                 "on_the_bench": notes.on_the_bench,
                 "look_alike": notes.look_alike,

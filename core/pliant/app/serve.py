@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import threading
 import webbrowser
 from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import uvicorn
 
 from pliant.app.desk import Desk
 from pliant.app.server import application
-from pliant.errors import UserError
+from pliant.errors import PliantError, UserError
+from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
+from pliant.registry.discovery import discover
 
 LOOPBACK = "127.0.0.1"
 FIRST_PORT, TRIED = 8642, 40
@@ -30,6 +35,7 @@ def serve(desk: Desk, port: int, browse: bool, say: Callable[[str], None]) -> No
     Raises:
         UserError: the port is taken.
     """
+    threading.Thread(target=warm, daemon=True).start()
     token, wanted = desk.folder.address(port)
     bound = _bound(wanted, exact=port != 0)
     with bound:
@@ -57,6 +63,16 @@ def serve(desk: Desk, port: int, browse: bool, say: Callable[[str], None]) -> No
         finally:
             desk.bench.stop()
             say("the page has ended; everything is saved.")
+
+
+def warm() -> None:
+    """Import what the first study needs, while the user still looks for files."""
+    registry = discover()
+    usual = [("surrogate", DEFAULT_SURROGATE), ("physics", DEFAULT_PHYSICS)]
+    for interface, kind in (*usual, *(("effect", kind) for kind in registry.kinds("effect"))):
+        with suppress(PliantError):  # said where a study needs it
+            registry.get(interface, kind).implementation_class()
+    import_module("pliant.evidence.comparison")
 
 
 def _bound(port: int, exact: bool) -> socket.socket:

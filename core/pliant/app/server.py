@@ -16,11 +16,12 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
-from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pliant.app.desk import Desk
 from pliant.app.inbox import receive, safe_name
@@ -28,6 +29,7 @@ from pliant.app.page_state import as_effects
 from pliant.errors import PliantError, UserError
 from pliant.examples_shipped import copy_example
 from pliant.records.plain_values import plain
+from pliant.report.render import script_hashes
 
 TOKEN = "x-pliant-token"
 MOST_JSON = 1_000_000  # bytes of a request
@@ -40,22 +42,33 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-# A report stands by itself: pictures inside, no script.
-OF_REPORTS = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+# A report stands by itself: pictures inside, no scripts but ours, told by what is in them. Its origin is nobody's: they
+# reach neither this page nor the token.
+OF_REPORTS = (
+    f"default-src 'none'; script-src {' '.join(script_hashes())}; style-src 'unsafe-inline'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; sandbox allow-scripts"
+)
 
 
-class Guard(BaseHTTPMiddleware):
+class Guard:
     """Refuses what does not come from the page itself."""
 
-    def __init__(self, app: Any, token: str) -> None:
-        super().__init__(app)
-        self.token = token
+    def __init__(self, app: ASGIApp, token: str) -> None:
+        self.app, self.token = app, token
 
-    async def dispatch(self, request: Request, call_next: RequestResponseEndpoint) -> Response:
-        response = self._refused(request) or await call_next(request)
-        for name, value in HEADERS.items():
-            response.headers.setdefault(name, value)
-        return response
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or pass the request on; our headers stand on every answer."""
+        if scope["type"] != "http":
+            raise ValueError("the page speaks HTTP alone")
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        await (self._refused(Request(scope)) or self.app)(scope, receive, with_headers)
 
     def _refused(self, request: Request) -> Response | None:
         host = request.headers.get("host", "")
@@ -119,9 +132,14 @@ def application(desk: Desk, token: str) -> Starlette:
             as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
         ),
         "go": lambda v: desk.go(int(v["cursor"])),
-        "run": lambda v: desk.run(str(v["what"]), [str(kind) for kind in v.get("kinds", [])]),
+        "run": lambda v: desk.run(
+            str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
+        ),
         "stop": lambda v: desk.stop(),
         "save": lambda v: desk.save(str(v.get("name", ""))),
+        "keep": lambda v: desk.keep(str(v["what"]), str(v.get("name", ""))),
+        "yaml": lambda v: desk.as_yaml(),
+        "describe": lambda v: desk.describe(v),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,
     }
@@ -131,6 +149,7 @@ def application(desk: Desk, token: str) -> Starlette:
         "curves": lambda v: desk.curves(),
         "where": lambda v: desk.where(),
         "screen": lambda v: desk.screen(),
+        "form": lambda v: desk.form(),
     }
 
     async def result(request: Request) -> Response:
@@ -195,6 +214,7 @@ _SHIPPED = (
     "page.js",
     "pictures.js",
     "effects.js",
+    "describe.js",
     "vendor/uPlot.js",
     "vendor/uPlot.css",
 )

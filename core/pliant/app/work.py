@@ -13,33 +13,33 @@ import numpy as np
 from pliant.app.folder import SessionFolder
 from pliant.app.open_model import OpenModel, WatchedPredictor
 from pliant.app.page_state import Effects
+from pliant.app.unseen_runs import doubts_of_fit, doubts_of_steps
 from pliant.config.writing import StudyDraft, name_of_file
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.diagnosis import Diagnosis, next_words
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
-from pliant.diagnosis.fitting import score
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
-from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
+from pliant.diagnosis.learned_term import LearnedTerm
+from pliant.diagnosis.learned_words import described
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.protocol_file import write_protocol
-from pliant.formatting import listed, whole_percent
+from pliant.formatting import whole_percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.files import sources_of
 from pliant.registry.discovery import discover
 from pliant.report.diagnosis import diagnosis_document
-from pliant.report.document import Document
+from pliant.report.document import Document, capital
 from pliant.report.extension import cited, origin
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
+from pliant.report.learned_curve import curve_of
 from pliant.report.render import page
 from pliant.store.store import write_atomically
 
 Tick = Callable[[str], None]
-# A rise on runs put aside by this share is said.
-RISE = 0.01
 # Below this probability a ticked effect is said to be an unlikely one.
 UNLIKELY = 0.05
 
@@ -74,7 +74,11 @@ def fit(task: ModelWork, folder: SessionFolder, key: str, kinds: Sequence[str]) 
     note = f"{origin(found, model.measurement)}; {len(model.split.runs)} runs put aside"
     _write(folder.results / file, model, study.effects, found, note)
     effects = tuple(effect.canonical() for effect in found.effects)
-    before = _errors(model, tuple(one.canonical() for one in begun), effects)
+    without = {
+        kind: extend(ground, begun, [one for one in kinds if one != kind], profiles=False)
+        for kind in kinds
+        if len(kinds) > 1
+    }
     return {
         "what": "fit",
         "kinds": list(kinds),
@@ -82,39 +86,10 @@ def fit(task: ModelWork, folder: SessionFolder, key: str, kinds: Sequence[str]) 
         "estimates": _estimates(found),
         "absent": list(found.absent),
         "converged": found.fit.converged,
-        **before,
-        "warnings": fit_warnings(found, ground, begun, before),
+        **_errors(model, tuple(one.canonical() for one in begun), effects),
+        "warnings": doubts_of_fit(model, ground, begun, found, without),
         "study": file,
     }
-
-
-def fit_warnings(
-    found: Extension, ground: Ground, begun: Sequence[EffectConfig], errors: Mapping[str, Any]
-) -> list[str]:
-    """What speaks against the effects that were fitted, in sentences; empty where they earn their place."""
-    said = []
-    kinds = listed(found.kinds)
-    floors = {name: floor.value for name, floor in found.noise.floors.items() if floor.value > 0.0}
-    before = ground.residuals(begun)
-    gain = prediction_gain(block_squares(before, floors), block_squares(found.left_out_runs, floors))
-    if gain.sure <= SURE:
-        left = score(found.left_out_runs, found.noise.floors).over_floor
-        was = score(before, found.noise.floors).over_floor
-        said.append(
-            f"{kinds}: runs left out of the fit are not predicted better beyond chance ({was:.2f} → {left:.2f} times "
-            "the noise). A smaller fitted error is what any added number gives; take it out again."
-        )
-    aside, was_aside = errors["after"]["aside"], errors["before"]["aside"]
-    if aside is not None and was_aside is not None and aside > (1.0 + RISE) * was_aside:
-        said.append(
-            f"With {kinds} the error on the runs put aside rises from {was_aside:.2f} to {aside:.2f} times the noise: "
-            "unseen runs become worse."
-        )
-    if found.absent:
-        said.append(f"No strength of {listed(found.absent)} is told from zero by these runs.")
-    if not found.fit.converged:
-        said.append("The fit did not settle; believe its numbers less.")
-    return said
 
 
 def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
@@ -161,23 +136,29 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     }
 
 
-def improve(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
-    """`pliant improve` of the study, on all runs that are on; it puts the same runs aside."""
+def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = False) -> dict[str, Any]:
+    """`pliant improve` of the study, on all runs that are on; it puts the same runs aside.
+
+    `learned`: a learned term may be the last step.
+    """
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
-    found = improve_with(model.bench, study, model.read, tick=task.tick, workers=study.who_works(None, 1))
+    who = study.who_works(None, 1)
+    found = improve_with(model.bench, study, model.read, learned=learned, tick=task.tick, workers=who)
     file = ""
-    if found.final is not None:
+    if found.final is not None or found.learned is not None:
         file = _study_name(model, ["improved"], key)
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
         note = improvement_origin(found, cited(model.measurement))
-        _write(folder.results / file, model, study.effects, found.final, note, notes)
+        _write(folder.results / file, model, study.effects, found.final, note, notes, found.learned)
     document = improvement_document(study.name, model.read, found, model.bench.registry)
-    effects = model.own_effects
-    if found.final is not None:
-        effects = tuple(effect.canonical() for effect in found.final.effects)
+    made = study.effects if found.final is None else found.final.effects
+    if found.learned is not None:
+        made = (*made, found.learned.effect)
+    effects = tuple(effect.canonical() for effect in made)
     return {
         "what": "improve",
+        "learned": None if found.learned is None else _learned(found.learned),
         "sentence": document.sentence,
         "stop": found.stop,
         "reason": found.reason,
@@ -194,7 +175,7 @@ def improve(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
         "kinds": [kind for step in found.steps for kind in step.added],
         "effects": effects,
         "estimates": [] if found.final is None else _estimates(found.final),
-        "warnings": _rises(found),
+        "warnings": list(dict.fromkeys([*_rises(found), *doubts_of_steps(model, found)])),
         **_errors(model, model.own_effects, effects),
         "study": file,
         "report": _report(folder, key, document),
@@ -280,6 +261,17 @@ def _estimates(found: Extension) -> list[dict[str, Any]]:
     ]
 
 
+def _learned(found: LearnedTerm) -> dict[str, Any]:
+    """What it is, and its curve with where the data end; without a curve over two covariates."""
+    curve = curve_of(found)
+    told: dict[str, Any] = {"words": capital(described(found)), "curve": None}
+    if curve is not None:
+        axes = {"over": curve.over.text, "what": curve.what.text}
+        lists = {"x": curve.x, "value": curve.value, "half": curve.half}
+        told["curve"] = {**axes, **lists, "knots": [curve.knots_x, curve.knots], "ends": curve.ends}
+    return told
+
+
 def _study_name(model: OpenModel, added: Sequence[str], key: str) -> str:
     """The file's name, after which the study is called."""
     return f"{name_of_file(model.path)}+{'+'.join(added)[:60]}-{key[-6:]}.yaml"
@@ -293,9 +285,10 @@ def _write(
     target: Path,
     model: OpenModel,
     effects: Sequence[EffectConfig],
-    found: Extension,
+    found: Extension | None,
     note: str,
     notes: Mapping[str, str] | None = None,
+    learned: LearnedTerm | None = None,
 ) -> None:
     study = model.study.model_copy(update={"effects": tuple(effects)})
     target.unlink(missing_ok=True)
@@ -308,6 +301,7 @@ def _write(
         note,
         discover(),
         notes_by_kind=notes,
+        learned=learned,
         data=model.data or None,
         full=True,
     )

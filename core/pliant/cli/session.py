@@ -6,18 +6,19 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
+from rich.console import Console
 from rich.markup import escape
+from rich.segment import Segment
 
 from pliant import __version__
 from pliant.cli.bars import TerminalProgress
-from pliant.cli.console import VisibleConsole
 from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
@@ -31,6 +32,7 @@ from pliant.report.document import Document
 from pliant.report.render import page, terminal
 from pliant.report.stage import StoredPage, write_page
 from pliant.store.store import ArtifactStore, write_atomically
+from pliant.user_text import visible
 
 LONGEST_NAME = 80
 # Endings of files, which no folder should have.
@@ -197,3 +199,14 @@ def _write_json(here: Session) -> None:
             write_atomically(path.resolve(), text + "\n")
     except OSError as error:
         raise UserError(f"--json: {path} cannot be written ({error.strerror}).") from None
+
+
+class VisibleConsole(Console):
+    """rich's console; control codes in texts become "�", its own colours and cursor movements stay."""
+
+    def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
+        """Segments of anything that rich prints."""
+        for segment in super().render(renderable, options):
+            shown = visible(segment.text)
+            ours = segment.control or shown == segment.text
+            yield segment if ours else Segment(shown, segment.style)

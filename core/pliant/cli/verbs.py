@@ -7,6 +7,7 @@ import importlib
 import keyword
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,7 +51,7 @@ class Verb(TyperCommand):
     def __init__(self, name: str) -> None:
         self._function = name.replace("-", "_") + "_" * keyword.iskeyword(name)
         self._module = VERBS[name]
-        super().__init__(name, help=self._docstring())
+        super().__init__(name, help=_docstrings(self._module)[self._function])
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """The context of the real command: click goes on with that one."""
@@ -66,11 +67,13 @@ class Verb(TyperCommand):
         alone.command(self.name)(function)
         return typer.main.get_command(alone)
 
-    def _docstring(self) -> str:
-        """Of the verb's function, from its source: nothing is imported."""
-        source = Path(__file__).with_name(f"{self._module}.py").read_text(encoding="utf-8")
-        functions = (node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
-        return ast.get_docstring(next(f for f in functions if f.name == self._function)) or ""
+
+@cache
+def _docstrings(module: str) -> dict[str, str]:
+    """Of a module's functions by their names, from its source: nothing is imported."""
+    source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+    functions = (node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
+    return {function.name: ast.get_docstring(function) or "" for function in functions}
 
 
 class Verbs(TyperGroup):

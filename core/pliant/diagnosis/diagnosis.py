@@ -181,6 +181,8 @@ def diagnose(
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
     threads = own_threads() if predictor.backend.capabilities.threads else 1
     with executor_for(workers, threads=threads) as executor:
+        if executor.remote:
+            fitter.checked()
         search = HypothesisSearch(
             registry, measurement, readings, fitter, thresholds, shown, executor=executor
         )

@@ -33,10 +33,10 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.least_squares import Point, Steps, descend
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
-from pliant.pipeline.remote import registry_with
+from pliant.pipeline.remote import code_of, other_version, registry_with
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.registry.files import files_of
+from pliant.registry.files import FILE_MODULE, files_of
 
 FEWEST_FOLDS = 3
 QUARTERS = 4
@@ -181,14 +181,27 @@ class Fitter:
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
         self._lock = Lock()  # fits may run in threads
+        self.code: tuple[tuple[str, ...], str] = (), ""  # modules and their fingerprint, where it is compared
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its points, and after the files with effects of the user's own."""
         files = files_of(self.predictor.bench.registry)
-        return _arrived, (files, pickle.dumps((self.predictor, self.readings, self.weights)))
+        model = pickle.dumps((self.predictor, self.readings, self.weights))
+        return _arrived, (files, self.code, model)
+
+    def checked(self) -> None:
+        """Workers that it travels to from now on compare their code with ours."""
+        registry, backend = self.predictor.bench.registry, self.predictor.backend
+        effects = (one.implementation for one in registry.components if one.interface == "effect")
+        modules = {__name__, type(backend).__module__, *(place.partition(":")[0] for place in effects)}
+        shipped = tuple(sorted(name for name in modules if not name.startswith(FILE_MODULE)))
+        self.code = shipped, code_of(shipped)
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
-        """`fit` with these arguments as one item of a `JobQueue`."""
+        """`fit` with these arguments as one item of a `JobQueue`; raises `UserError` where the code is another."""
+        modules, code = self.code
+        if code and code_of(modules) != code:
+            raise other_version("")
         return self.fit(*asked)
 
     def fit(
@@ -266,9 +279,11 @@ class Fitter:
         return cast(_LinearPoint, found), converged
 
 
-def _arrived(files: tuple[str, ...], model: bytes) -> Fitter:
+def _arrived(files: tuple[str, ...], code: tuple[tuple[str, ...], str], model: bytes) -> Fitter:
     registry_with(files)
-    return Fitter(*pickle.loads(model))
+    fitter = Fitter(*pickle.loads(model))
+    fitter.code = code
+    return fitter
 
 
 class _LinearPoint(Point):

@@ -34,6 +34,7 @@ from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.unseen import block_squares, prediction_gain
+from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.excess import Excess
 from pliant.evidence.places import Residuals
@@ -64,10 +65,7 @@ CLOSINGS = {
         "Something is missing, and it is not in the list: the error is {left} times the noise, and no listed effect, "
         "nor a few of them together, brings it down.",
     ),
-    "ambiguous": (
-        f"{RIGHT} ({{gain}}); what explains the rest these data do not decide: {{contenders}}.",
-        "These data do not decide: {contenders}.",
-    ),
+    "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED),
 }
 
 

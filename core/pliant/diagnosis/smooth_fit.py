@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from pliant.mechanics.learned_curve import CurveAxis
@@ -68,10 +67,13 @@ class CurvePrior:
     lengths: tuple[float, ...]
 
     def posterior(self, gram: Array, right: Array) -> tuple[Array, Array]:
-        """Mean (K,) and covariance (K, K) of the values."""
-        inner = self.weight * self.factor.T @ gram @ self.factor + np.eye(len(gram))
-        half = scipy.linalg.solve_triangular(np.linalg.cholesky(inner), self.factor.T, lower=True)
-        covariance = half.T @ half
+        """Mean (K,) and covariance (K, K) of the values.
+
+        By eigenvalues: where slopes are steep, rounding leaves some of them below zero.
+        """
+        known, ways = np.linalg.eigh(self.weight * self.factor.T @ gram @ self.factor)
+        half = (self.factor @ ways) / np.sqrt(1.0 + np.maximum(known, 0.0))
+        covariance = half @ half.T
         return self.weight * covariance @ right, covariance
 
     def freedom(self, gram: Array) -> float:

@@ -23,12 +23,10 @@ from pliant.evidence.excess import Excess
 
 # The one sentence of each verdict, on measurements and on counts: where the error of the model as it is is small, and
 # where it is clearly above the noise (`Judgement.small`). `reasons` beside it say more where there is more.
+UNDECIDED = "These data do not decide: {contenders}."
 HEADLINES = {
     "missing_effect": ("Missing: {kinds}. The error without it is {left}.", "Missing: {kinds}."),
-    "ambiguous": (
-        "These data do not decide: {contenders}. The error is {left}.",
-        "These data do not decide: {contenders}.",
-    ),
+    "ambiguous": (f"{UNDECIDED} The error is {{left}}.", UNDECIDED),
     "class": (
         "Missing: {kinds}; these data cannot tell which. The error without it is {left}.",
         "Missing: {kinds}; these data cannot tell which.",

@@ -1,8 +1,11 @@
 """Who does the work: this process, worker processes of our own, or any executor that is given, a dask cluster's too.
 
-Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: there, too, one dead
-worker ends the whole pool, so that quarantine (`pliant.execution.jobs`) would be the same; what it adds, functions
-without a module and scripts without a `__main__` guard, is not worth a dependency.
+What happens when a worker dies is decided in `pliant.execution.jobs`; an executor only replaces its workers when it
+is asked to (`restart`).
+
+Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: what it adds, functions
+without a module and scripts without a `__main__` guard, is not worth a dependency, and one dead worker ends the whole
+pool there, too.
 
 They have one BLAS thread each, and hold the reading end of a pipe whose writing end only the driver has: they end when
 it closes, be it that the driver stops them or that it was killed.

@@ -27,6 +27,11 @@ MOST_STEPS = 12
 # Fields that bound an actuation, each with an example.
 LIMITS = {"pressure_max_pa": "pressure_max: 15 kPa", "tendon_force_max_n": "tendon_force_max: 8 N"}
 CLOSE = 1e-9
+# States of a module of several axes that no study changes; how many more there are, the fields of `FemConfig` say.
+LATERAL_FREE_LEVELS = 3  # of the free branch on the piece that moves about all axes, rest included
+LATERAL_CHECKS = (
+    2  # at most so many of `check_states` about each lateral axis, on the side that is not fitted
+)
 
 
 class FemConfig(ComponentConfig):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pliant.errors import MissingDependencyError
 from pliant.report.document import Document, Table, brief
+from pliant.report.moving_picture import MovingPicture
 from pliant.report.render import fragment, page
 from pliant.report.stage import write_page
 
@@ -89,12 +90,22 @@ class Result(Generic[Record]):
         head = tables[0].head if tables else []
         return frame_of({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Any = None, *, interactive: bool = False) -> Any:
         """The one picture that says most, on these matplotlib axes or on new ones; returns the axes.
+
+        Args:
+            ax: the axes; none for an interactive picture.
+            interactive: instead the first picture of the page that moves (zoom, values under the pointer, runs switched
+                on and off), which a notebook shows and `.save(file)` writes as one HTML file.
+
+        Raises:
+            ValueError: the result has no picture, or none that moves.
 
         >>> finger.simulate().plot().get_xlabel()
         'x (mm)'
         """
+        if interactive:
+            return self._moving()
         if self._plot is not None:
             return self._plot(self.record, ax)
         from pliant.report.plots import image
@@ -103,6 +114,14 @@ class Result(Generic[Record]):
         if hero is None:
             raise ValueError("this result has no picture")
         return image(hero, ax)
+
+    def _moving(self) -> MovingPicture:
+        drawn = self.document.draw()
+        pictures = [drawn.hero, *(picture for part in drawn.sections for picture in part.pictures)]
+        for one in pictures:
+            if one is not None and one.chart is not None:
+                return MovingPicture(one)
+        raise ValueError("this result has no picture that moves; plot() draws the still one.")
 
     def save(self, folder: str | Path) -> Path:
         """Write the whole page with its pictures into a folder; returns the page's path.

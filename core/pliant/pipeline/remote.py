@@ -19,7 +19,7 @@ from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import ArtifactStore
 
 SEEN_WITHIN_S = 2.0
-_code_of = cache(code_fingerprint)  # the code that this process has loaded
+code_of = cache(code_fingerprint)  # the code that this process has loaded
 _LOADING = threading.Lock()  # files of plugins are executed once, also where a worker has several threads
 
 
@@ -47,7 +47,7 @@ class RemoteStudy:
         plugins = tuple(str(file) for file in study.plugins)
         alone = study.model_copy(update={"workers": None})  # a worker has none of its own
         raw = {key: value for key, value in alone.canonical().items() if value is not None}
-        code = _code_of(modules) if modules else ""
+        code = code_of(modules) if modules else ""
         return cls(json.dumps(raw), plugins, str(bench.store.root.resolve()), modules, code)
 
     def open(self) -> tuple[Workbench, Study]:
@@ -56,7 +56,7 @@ class RemoteStudy:
         Raises:
             UserError: the worker runs other code, or does not see the store.
         """
-        if self.code and _code_of(self.modules) != self.code:
+        if self.code and code_of(self.modules) != self.code:
             raise other_version("")
         require_seen(Path(self.store), self.store)
         registry = registry_with(self.plugins)

@@ -10,7 +10,7 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.next_run import NextRun
-from pliant.diagnosis.verdict import named
+from pliant.diagnosis.verdict import Judgement, named
 from pliant.evidence.comparison import Comparison, headline
 from pliant.formatting import listed, number, unit_of, whole_percent
 from pliant.report.diagnosis_tables import parameter_texts
@@ -74,13 +74,18 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         good += f"; {_ratio(after)} with {named(best)}"
     missing = {
         "missing_effect": _with_parameters(found),
-        "ambiguous": f"One of these{', whichever it is' if judgement.selected_class else ''}: {judgement.contenders}",
+        "ambiguous": one_of_these(judgement),
         "nothing_missing": "Nothing that these runs show",
         "unknown_effect": "An effect that is not in the list",
         "not_repeatable": "Not asked: runs with the same inputs differ",
         "insufficient_data": "Cannot be said from these runs",
     }[verdict]
     return answers(good, missing, _sure(found), proposed(found.next_run) or demand)
+
+
+def one_of_these(judgement: Judgement) -> str:
+    """What is missing by an ambiguous verdict, on measurements and on counts."""
+    return f"One of these{', whichever it is' if judgement.selected_class else ''}: {judgement.contenders}"
 
 
 def _with_parameters(found: Diagnosis) -> str:

@@ -75,6 +75,7 @@ class Panel:
         zero: colour of a line at zero; "" without one.
         y_range: ends of y that suit every panel of the picture; None: its own.
         linked: panels of one such name share the stretch of x that is looked at.
+        equal: whether a length is as long across as upward, as in a view of a body.
     """
 
     x: ChartAxis
@@ -86,6 +87,7 @@ class Panel:
     zero: str = ""
     y_range: tuple[float, float] | None = None
     linked: str = ""
+    equal: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +154,7 @@ def _panel(panel: Panel, pool: _Pool) -> dict[str, Any]:
         "zero": panel.zero,
         "range": panel.y_range,
         "linked": visible(panel.linked),
+        "equal": panel.equal,
     }
 
 

@@ -9,7 +9,7 @@ from pliant.diagnosis.verdict import named
 from pliant.evidence.binomial import Count
 from pliant.evidence.counts import CountComparison
 from pliant.formatting import listed, plural
-from pliant.report.answers import Answers
+from pliant.report.answers import Answers, one_of_these
 from pliant.report.document import answers
 from pliant.report.fitted import probability_text
 
@@ -90,7 +90,7 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
         first += f"; {len(found.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
     missing = {
         "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
-        "ambiguous": f"One of these: {judged.contenders}",
+        "ambiguous": one_of_these(judged),
         "nothing_missing": "Nothing that these counts show",
         "unknown_effect": "Something that is not in the list",
         "not_repeatable": "Not asked: sets of one condition contradict each other",

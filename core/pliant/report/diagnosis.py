@@ -18,6 +18,7 @@ from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.answers import diagnosis_answers
+from pliant.report.chart import Chart
 from pliant.report.diagnosis_tables import (
     classes_table,
     dependence_table,
@@ -221,7 +222,8 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.figures import diagnosis as figures  # matplotlib takes a second to import
+    from pliant.report.charts.explained import explained_chart  # matplotlib takes a second to import
+    from pliant.report.figures import diagnosis as figures
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
     label = unit_of(output).label
@@ -241,7 +243,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     )
     made = [
         _next(found),
-        _changes(diagnosed, figures.explained_runs),
+        _changes(diagnosed, figures.explained_runs, explained_chart),
         learned_section(found.learned),
         section(
             "What the error depends on",
@@ -297,7 +299,11 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
     return "; ".join(f"{named(a)} from {listed(names)}" for a, names in others.items())
 
 
-def _changes(diagnosed: Diagnosed, draw: Callable[[Diagnosed, str], NDArray[np.uint8]]) -> Section:
+def _changes(
+    diagnosed: Diagnosed,
+    draw: Callable[[Diagnosed, str], NDArray[np.uint8]],
+    chart: Callable[[Diagnosed, str], Chart],
+) -> Section:
     found, pictures = diagnosed.found, []
     which = (
         "the runs in which the explanation takes away most of the error, one of each condition"
@@ -308,10 +314,10 @@ def _changes(diagnosed: Diagnosed, draw: Callable[[Diagnosed, str], NDArray[np.u
         words, floor = unit_of(output), diagnosed.floor(output)
         band = f" over ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
         caption = (
-            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
-            "input."
+            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and in the still picture "
+            "the loop over the input."
         )
-        pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output)))
+        pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output), chart(diagnosed, output)))
     names = " or ".join(named(kinds) for kinds in diagnosed.explanations)
     title = {
         "missing_effect": f"What {names} changes",

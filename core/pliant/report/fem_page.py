@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
+from pliant.report.charts.law import states_chart
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -105,7 +106,8 @@ def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Sec
         )
         for k, (key, draw) in enumerate(zip(captions, drawing, strict=True)):
             shown = draw is not None and n < SHOWN
-            own = (Picture(numbered(key, n), captions[key], draw(data)),) if shown and draw else ()
+            chart = states_chart(data) if shown and key == "fem_states" else None
+            own = (Picture(numbered(key, n), captions[key], draw(data), chart),) if shown and draw else ()
             named = tuple(replace(t, title=name + t.title) for t in tables[k] if t is not None)
             made[k] = replace(made[k], pictures=made[k].pictures + own, tables=made[k].tables + named)
     return made

@@ -15,6 +15,7 @@ from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import FitReport
+from pliant.report.charts.law import law_chart
 from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
 from pliant.report.figures import style
 from pliant.report.figures.error_bars import coverage_picture
@@ -48,9 +49,10 @@ def fit_drawn(
     """The first law on top; then all of `fitted`, named where they are `several`, those `compared` side by side."""
     if len(fitted[0].law.actuations) > 1:  # pictures are over one actuation: the first, the others at zero
         design = DesignResult(fitted[0].name, None, of_one_input(fitted[0].law), None, None)
-        made = law_picture(FinishedRun({}, {}, (), (), ()), design)
+        plain = FinishedRun({}, {}, (), (), ())
+        made, chart = law_picture(plain, design), law_chart(plain, design)
         caption = f"The law under {design.law.actuation_name} alone, the other inputs at zero."
-        return drawn(Picture("fit_law", caption, made), *closing_sections(study, manifests))
+        return drawn(Picture("fit_law", caption, made, chart), *closing_sections(study, manifests))
     hero, *others = law_pictures(fitted[0])
     sections = [section("The law about the other axes", *others), comparison_section(compared)]
     for count, one in enumerate(fitted):
@@ -70,8 +72,9 @@ def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
         report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
         design = DesignResult(fitted.name, fitted.data.axis(axis), fitted.law, report, fitted.data)
         name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", count)
-        made = law_picture(FinishedRun({}, {}, (), (), ()), design)
-        pictures.append(Picture(name, _law_caption(fitted, axis), made))
+        plain = FinishedRun({}, {}, (), (), ())
+        made, chart = law_picture(plain, design), law_chart(plain, design)
+        pictures.append(Picture(name, _law_caption(fitted, axis), made, chart))
     return pictures
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import described
 from pliant.report.document import Picture, Section, capital
+from pliant.report.learned_curve import curve_of
 
 
 def learned_json(found: LearnedTerm | None) -> dict[str, Any] | None:
@@ -32,7 +33,8 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
         return None
     from pliant.report.figures.learned import learned  # matplotlib takes a second to import
 
-    one = len(found.form.axes) == 1
+    curve = curve_of(found)
+    one = curve is not None
     caption = (
         "Line and dots: the learned values; band: 90 %. Grey: beyond the data, where the term dies out."
         if one
@@ -47,7 +49,7 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
     text = (capital(described(found)), fall)
     return Section(
         "A learned term for what no listed effect explains",
-        (Picture("learned", caption, learned(found)),),
+        (Picture("learned", caption, learned(found), None if curve is None else curve.chart),),
         text=text,
         open=True,
     )

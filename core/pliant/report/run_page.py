@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
+from pliant.report.charts.law import law_chart
+from pliant.report.charts.pose import pose_chart
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -80,7 +82,7 @@ def _laws(run: FinishedRun) -> Section | None:
         if design.law.error is not None:
             band = "the band that holds a state with a probability of 90 %"
             caption += f" Shaded, and as bars at the states left out: {band}."
-        parts.append(Picture(numbered("law", n), caption, law_picture(run, design)))
+        parts.append(Picture(numbered("law", n), caption, law_picture(run, design), law_chart(run, design)))
     parts.append(law_table(run))
     for design in run.designs:
         if design.module is not None and set(design.law.axes) == set(design.module.axes):
@@ -108,7 +110,7 @@ def _poses(run: FinishedRun) -> Section | None:
     first = engines[0].result
     return section(
         "The finger in the engines",
-        Picture("chain_pose", caption, chain_pose(run)),
+        Picture("chain_pose", caption, chain_pose(run), pose_chart(run)),
         picture("backbones", backbone_caption(first), backbone_picture(first)),
         engine_table(run),
         metrics_table(run),

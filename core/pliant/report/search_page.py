@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pliant.formatting import number, percent, seconds
+from pliant.report.chart import Chart
+from pliant.report.charts.search import front_chart, history_chart
 from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, drawn, picture, section
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
@@ -57,7 +59,7 @@ def search_drawn(read: SearchView, designs: Sequence[DrawnDesign]) -> Drawn:
         _verified(read),
         robust_section(read),
         _pictured(read, search_policy, POLICY),
-        _pictured(read, search_front, FRONT),
+        _pictured(read, search_front, FRONT, chart=front_chart),
         section("What it took", _cost_table(read), _cause_table(read), text=took),
         section("Inputs", input_table(read.study)),
     )
@@ -124,13 +126,14 @@ def _pictured(
     draw: Callable[[SearchView], Png | None],
     words: tuple[str, str, str, str],
     table: Callable[[SearchView], Table | None] = lambda read: None,
+    chart: Callable[[SearchView], Chart | None] = lambda read: None,
 ) -> Section | None:
     """A section of one picture, and a table where there is the picture."""
     title, name, caption, text = words
     if (png := draw(read)) is None:
         return None
     caption = capital(caption.format(label=read.objective.unit.label, title=read.objective.unit.axis))
-    return section(title, picture(name, caption, png), table(read), text=text)
+    return section(title, picture(name, caption, png, chart(read)), table(read), text=text)
 
 
 def _history(read: SearchView) -> Section | None:
@@ -160,7 +163,7 @@ def _history_picture(read: SearchView) -> Picture:
         f"lines are {lines}; ticks at the upper rim are candidates without an objective (many: shaded by their share), "
         "dots at the edges lie beyond them."
     )
-    return Picture("search_history", capital(caption), search_history(read))
+    return Picture("search_history", capital(caption), search_history(read), history_chart(read))
 
 
 def _designs(designs: Sequence[DrawnDesign]) -> Section | None:

@@ -22,8 +22,7 @@ from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
 from pliant.testing import CheckSkipped, Subject, once, require
 from pliant.testing.physics import needs
-from pliant.testing.physics_runs import dashpot
-from pliant.testing.samples import PRESSURE_PA, linear_law
+from pliant.testing.samples import PRESSURE_PA, dashpot, linear_law
 
 LENGTH_M, MASS_KG, PAYLOAD_KG = 0.4, 0.02, 0.1
 STIFFNESS, BENT_RAD = 0.7, 0.05

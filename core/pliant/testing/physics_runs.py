@@ -27,19 +27,12 @@ from pliant.testing.physics import (
     pressed,
     settled_under,
 )
-from pliant.testing.samples import PRESSURE_PA, chain_numbers, linear_law, sample_chain
+from pliant.testing.samples import PRESSURE_PA, chain_numbers, dashpot, linear_law, sample_chain
 
 DIFFERENCE = 1e-3
 SLOPE_SHARE = 2e-3
 GAIN, STIFFNESS = 8e-7, 0.04
 RETARDATION_S, STEP_S = 0.5, 0.01
-
-
-def dashpot(
-    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
-) -> float:
-    """M = −c u'."""
-    return -c[0] * rate
 
 
 def _softening(

@@ -26,7 +26,9 @@ class EffectList {
     const of = kind => kinds[kind] ? kinds[kind].explains : -1;
     const ticked = new Set(this.effects.map(one => one.kind));
     const sure = kind => found && found.by_kind[kind] || 0;
-    const order = model.catalogue.filter(one => !screen || kinds[one.kind] || ticked.has(one.kind))
+    const unlisted = model.effects.filter(e => !model.catalogue.some(c => c.kind === e.kind))
+      .map(e => ({kind: e.kind, summary: "describes what no listed effect explains", signature: "", sliders: [], begun: e}));
+    const order = [...unlisted, ...model.catalogue].filter(one => !screen || kinds[one.kind] || ticked.has(one.kind))
       .sort((a, b) => ticked.has(b.kind) - ticked.has(a.kind) || sure(b.kind) - sure(a.kind) || of(b.kind) - of(a.kind));
     const focus = document.activeElement && document.activeElement.id;
     const seen = order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown);
@@ -43,8 +45,9 @@ class EffectList {
     const badge = found && found.by_kind[one.kind] !== undefined
       ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, percent(found.by_kind[one.kind])) : null;
     const own = this.model.own.includes(one.kind) ? el("span", {class: "badge"}, "of the study") : null;
+    const mine = one.file ? el("span", {class: "badge", title: "your own effect; it is read anew when the file changes"}, `from ${one.file}`) : null;
     const bar = el("div", {class: "bar", "aria-hidden": "true"}, el("i", {style: `width:${seen ? 100 * seen.explains : 0}%`}));
-    const head = el("div", {class: "head"}, box, el("label", {for: id}, one.kind.replaceAll("_", " "), " ", badge, " ", own), bar,
+    const head = el("div", {class: "head"}, box, el("label", {for: id}, one.kind.replaceAll("_", " "), " ", badge, " ", own, " ", mine), bar,
       el("span", {class: "percent", title: "of the error that is left, at most"}, seen ? percent(seen.explains) : "…"));
     const alike = seen ? seen.alike.filter(k => k !== one.kind) : [];
     const rows = [head, el("p", {class: "words soft"}, one.summary)];

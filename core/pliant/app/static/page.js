@@ -3,6 +3,7 @@
 const token = new URLSearchParams(location.search).get("token") || "";
 const $ = id => document.getElementById(id);
 let view = null, data = null, version = -1, now = null, asis = null, where = null, screening = null, marked = null, curvesOf = "";
+let dropping = false;  // files that come together are looked at together
 const headers = {"x-pliant-token": token};
 
 async function ask(name, body) {
@@ -21,7 +22,7 @@ async function pulse() {
   try {
     const beat = await ask("pulse");
     job(beat.job);
-    if (beat.version !== version) { version = beat.version; await load(); }
+    if (beat.version !== version && !dropping) { version = beat.version; await load(); }
     if ($("said").dataset.lost) { delete $("said").dataset.lost; say(""); }
   } catch (error) {
     say(error.message.startsWith("Refused") ? error.message : "The server does not answer. Everything is saved: start 'pliant app' again and this page goes on.");
@@ -33,15 +34,13 @@ async function load() {
   view = await ask("view");
   $("begin").hidden = !!view.model; $("bench").hidden = !view.model;
   if (view.said.length && view.said.join("\n") !== load.said) { load.said = view.said.join("\n"); say(view.said[view.said.length - 1]); }
+  for (const id of ["undo", "redo", "yaml", "save", "keep", "report"]) $(id).disabled = !view.model;
   if (!view.model) { begin(); return; }
   const m = view.model, key = JSON.stringify([view.study, view.data, m.name, m.off]);
   $("title").textContent = m.name; $("source").textContent = `${view.study} · ${m.source} · ${view.folder}`;
   if (key !== curvesOf) { data = decode(await ask("curves")); curvesOf = key; marked = null; choices(); }
   await preview(m.effects, 0, true);
-  if (asis === null || asis.of !== key + JSON.stringify(m.own)) {
-    const first = await ask("preview", {effects: m.first});
-    asis = {of: key + JSON.stringify(m.own), predicted: unpack(first.predicted)};
-  }
+  await besides(m, key);
   tables(); draw(); effects.show(m, screening && screening.found, true);
   const at = version;
   where = await ask("where"); if (at === version) { sentence(); tables(); }
@@ -49,6 +48,17 @@ async function load() {
   if (at === version) { effects.show(m, found); silent(found); document.body.dataset.ready = at; }
 }
 
+// The model beside the present one: a step of the history, the first one until another is chosen.
+async function besides(m, key) {
+  const names = m.steps.map((s, k) => ({name: String(k), label: `${k + 1}. ${s.words}`})).filter(s => +s.name !== m.cursor);
+  fill($("beside"), [...names, {name: "", label: "nothing"}], "0");
+  if ($("beside").dataset.chosen === undefined && m.cursor > 0) $("beside").value = "0";
+  const k = $("beside").value;
+  if (k === "") { asis = null; return; }
+  const of = key + JSON.stringify(m.steps[+k].effects);
+  if (asis === null || asis.of !== of) asis = {of, predicted: unpack((await ask("preview", {effects: m.steps[+k].effects})).predicted)};
+  asis.words = m.steps[+k].words;
+}
 function decode(curves) {
   curves.n = curves.time.length; curves.run = []; curves.starts = [];
   curves.runs.forEach((run, k) => { curves.starts.push(curves.run.length); for (let i = 0; i < run.points; i++) curves.run.push(k); });
@@ -84,7 +94,7 @@ function begin() {
   hold.append(el("p", {class: "result"}, r.sentence), ...r.doubts.map(d => el("p", {class: "warning"}, d)),
     el("table", {}, el("tr", {}, ...["in the file", "unit", "read as"].map(t => el("th", {}, t))),
       ...r.columns.map(c => el("tr", {}, el("td", {}, c.heading || ""), el("td", {}, c.unit || ""), el("td", {}, c.name || "")))),
-    el("p", {}, "Now drop the study of this robot (.yaml), or let 'pliant import FILE --out NEW.yaml' write one to fill in."));
+    el("p", {}, "Now drop the study of this robot (.yaml), or describe it below; 'pliant import FILE --out NEW.yaml' writes one to fill in."));
 }
 
 // Pictures
@@ -131,21 +141,41 @@ function compact() {
 }
 // Categories side by side, points spread a little so that each is seen.
 const spread = c => c.categories.length ? c.values.map((v, k) => v === null ? null : v + 0.5 * (((k * 0.618034) % 1) - 0.5)) : c.values;
-function draw() {
+// after: "show" where anything may have changed, "move" where the model alone did.
+function draw(after = "show") {
   if (!data || !now) return;
-  const o = output(), p = now.predicted[o.name], base = asis && $("asis").checked && view.model.cursor > 0 ? asis.predicted[o.name] : null;
+  const o = output(), p = now.predicted[o.name], base = asis && asis.predicted[o.name].length === data.n ? asis.predicted[o.name] : null;
   const on = visible(), faint = data.run.map(k => data.runs[k].aside), floor = now.floors[o.name] || 0;
   const lines = [...(base ? [{values: base, colour: PLAIN, width: 1.4}] : []), {values: p, colour: MODEL}];
   const common = {on, faint, marked, starts: data.starts, lines};
   const [clock, rules] = compact();
-  pictures.time.show({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
+  pictures.time[after]({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
   const over = circumstance("over");
-  if (over) pictures.loops.show({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
+  if (over) pictures.loops[after]({...common, x: over.values, y: o.measured, xlabel: over.axis, ylabel: o.axis, name: `${o.label} over ${over.label}`});
   const against = circumstance("against"), rest = o.measured.map((v, k) => v === null || p[k] !== p[k] ? null : v - p[k]);
   const unit = o.unit ? ` (${o.unit})` : "";
-  pictures.residual.show({...common, lines: [], x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
+  pictures.residual[after]({...common, lines: [], moving: true, x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
     xlabel: against.axis, ylabel: `measured − model${unit}`, name: `error of ${o.label} over ${against.label}`});
+  $("besidename").textContent = asis ? asis.words : "no model beside it";
+  if (after === "show") conditionMap(o, p, floor, on, against);
   $("floor").textContent = floor ? `; one is ${short(floor)} ${o.unit}, from ${now.floor_from[o.name]}` : "; no floor is known here";
+}
+// Rms error of each run over the noise, in each part of a circumstance: white is noise, red more, blue less.
+function conditionMap(o, p, floor, on, c) {
+  const known = c.values.filter((v, k) => on[k] && v !== null), low = known.reduce((a, b) => Math.min(a, b), Infinity), high = known.reduce((a, b) => Math.max(a, b), -Infinity);
+  const parts = c.categories.length || (high > low ? 6 : 1), at = v => c.categories.length ? v : Math.min(parts - 1, Math.floor((v - low) / ((high - low) || 1) * parts));
+  const heads = c.categories.length ? c.categories : Array.from({length: parts}, (_, j) => `${short(low + (j + 0.5) * (high - low) / parts)} ${c.unit}`);
+  const sums = data.runs.map(() => Array.from({length: parts}, () => [0, 0])), scale = floor || 1;
+  for (let k = 0; k < data.n; k++) { if (!on[k] || c.values[k] === null || o.measured[k] === null || p[k] !== p[k]) continue;
+    const cell = sums[data.run[k]][at(c.values[k])]; cell[0] += ((o.measured[k] - p[k]) / scale) ** 2; cell[1]++; }
+  const look = r => { const s = Math.min(1, Math.abs(Math.log2(r)) / 3), to = r > 1 ? [213, 94, 0] : [0, 114, 178];
+    return `background: rgb(${to.map(v => Math.round(255 + 0.62 * s * (v - 255))).join(" ")})`; };
+  const cell = (run, j) => { const [sum, n] = sums[run][j]; if (!n) return el("td", {class: "n soft"}, "–");
+    const r = Math.sqrt(sum / n), name = data.runs[run].name;
+    return el("td", {class: "n", style: floor ? look(r) : ""}, el("button", {type: "button", class: "cell", "aria-label": `mark ${name}, ${heads[j]}: ${r.toFixed(2)}`,
+      onclick: () => brush(k => data.run[k] === run && c.values[k] !== null && at(c.values[k]) === j)}, floor ? r.toFixed(1) : short(r))); };
+  $("map").replaceChildren(el("tr", {}, el("th", {}, c.label), ...heads.map(h => el("th", {class: "n"}, h))),
+    ...data.runs.map((run, k) => [run, k]).filter(([, k]) => sums[k].some(([, n]) => n)).map(([run, k]) => el("tr", {}, el("td", {}, run.name), ...heads.map((_, j) => cell(k, j)))));
 }
 function share() {
   if (!marked) { $("brushed").textContent = ""; return; }
@@ -193,9 +223,13 @@ function verdict(m) {
   const hold = $("verdict"), d = m.diagnosis, f = m.fit; hold.replaceChildren();
   const link = (name, text) => el("a", {href: `/result/${name}?token=${encodeURIComponent(token)}`, target: "_blank", rel: "noopener"}, text);
   if (f && f.what === "improve") {
-    hold.append(el("p", {class: "result"}, f.sentence), el("p", {class: "soft"}, f.reason),
+    hold.append(el("p", {class: "result"}, f.sentence), f.sentence.includes(f.reason) ? "" : el("p", {class: "soft"}, f.reason),
       el("table", {}, el("tr", {}, el("th", {}, "step of improve"), el("th", {class: "n"}, "put aside"), el("th", {class: "n"}, "left out")),
         ...f.steps.map(s => el("tr", {}, el("td", {}, s.words), el("td", {class: "n"}, s.aside === null ? "–" : `${s.aside.toFixed(2)} ± ${s.se.toFixed(2)}`), el("td", {class: "n"}, s.training.toFixed(2))))));
+    if (f.learned) {
+      hold.append(el("p", {}, f.learned.words));
+      if (f.learned.curve) { const ns = "http://www.w3.org/2000/svg", svg = document.createElementNS(ns, "svg"); svg.setAttribute("class", "learned"); svg.setAttribute("role", "img"); hold.append(svg); learnedCurve(svg, f.learned.curve); }
+    }
     if (f.report) hold.append(el("p", {}, link(f.report, "The report of Improve")));
   }
   if (d) {
@@ -222,8 +256,10 @@ function job(running) {
 }
 
 // What is done
+const robot = new RobotForm($("robot"), $("ways"), $("blocks"), attempt(async values => { await ask("describe", values); await beat(); }));
+$("describe").addEventListener("toggle", attempt(async () => { if ($("describe").open) robot.show(await ask("form")); }));
 const effects = new EffectList($("effects"),
-  effects => preview(effects, now ? now.parts : 0, false).then(() => { draw(); share(); }).catch(error => say(error.message)),
+  effects => preview(effects, now ? now.parts : 0, false).then(() => { draw("move"); share(); }).catch(error => say(error.message)),
   attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }));
 function effectsBusy(busy) { effects.busy = busy; }
 async function beat() { const b = await ask("pulse"); job(b.job); if (b.version !== version) { version = b.version; await load(); } }
@@ -232,13 +268,17 @@ async function toggle(name, on) {
   await ask("step", {effects: view.model.effects, off: [...off], words: `${name} ${on ? "on" : "off"}`}); await beat();
 }
 async function upload(files) {
+  dropping = true;
+  try { await send(files); } finally { dropping = false; }
+  say(""); asis = null; await beat();
+}
+async function send(files) {
   const order = [...files].sort((a, b) => /\.ya?ml$/i.test(a.name) - /\.ya?ml$/i.test(b.name));
   for (const file of order) {
     say(`reading ${file.name} …`);
     const answer = await fetch(`/api/upload?name=${encodeURIComponent(file.name)}`, {method: "POST", headers, body: file});
     const found = await answer.json(); if (!answer.ok) throw new Error(found.error);
   }
-  say(""); asis = null; await beat();
 }
 function dialog(title, text, links) {
   $("dialogtitle").textContent = title; $("dialogtext").textContent = text; $("dialoglinks").replaceChildren(...links); $("dialog").showModal();
@@ -246,23 +286,29 @@ function dialog(title, text, links) {
 const go = (id, work) => $(id).addEventListener("click", attempt(work));
 go("undo", async () => { await ask("go", {cursor: view.model.cursor - 1}); await beat(); });
 go("redo", async () => { await ask("go", {cursor: view.model.cursor + 1}); await beat(); });
-for (const what of ["diagnose", "improve"]) go(what, async () => { await ask("run", {what}); await beat(); });
-go("fit", async () => { const kinds = view.model.effects.map(e => e.kind), added = kinds.filter(k => !view.model.own.includes(k));
+for (const what of ["diagnose", "improve"]) go(what, async () => { await ask("run", {what, learned: what === "improve" && $("learned").checked}); await beat(); });
+go("fit", async () => { const known = new Set(view.model.catalogue.map(c => c.kind)), kinds = view.model.effects.map(e => e.kind).filter(k => known.has(k)), added = kinds.filter(k => !view.model.own.includes(k));
   await ask("run", {what: "fit", kinds: added.length ? added : kinds}); await beat(); });
 go("stop", () => ask("stop", {}));
 go("example", async () => { await ask("example", {}); await beat(); });
 go("report", () => { window.open(`/report?token=${encodeURIComponent(token)}`, "_blank", "noopener"); });
+const download = name => el("a", {href: `/saved/${encodeURIComponent(name)}?token=${encodeURIComponent(token)}`, download: name}, `Download ${name}`);
 go("save", async () => { const s = await ask("save", {});
-  dialog("The study is saved", `${s.path}\n\nBy commands, on all runs of the files:\n${s.commands}\n\n${s.yaml}`, [el("a", {href: `/saved/${encodeURIComponent(s.name)}?token=${encodeURIComponent(token)}`, download: s.name}, "Download")]); });
-go("yaml", async () => { const s = await ask("save", {}); let told = "copied";
+  dialog("The study is saved", `${s.path}\n\nBy commands, on all runs of the files:\n${s.commands.join("\n")}\n\n${s.yaml}`, [download(s.name)]); });
+$("keep").addEventListener("change", attempt(async event => { const what = event.target.value; event.target.value = ""; if (!what) return;
+  const s = await ask("keep", {what});
+  dialog(`The study is saved, and ${what === "page" ? "the page" : what === "notebook" ? "the notebook" : "the commands"} beside it`, `${s.path}\n${s.kept_path}\n\n${what === "commands" ? s.text : what === "page" ? "It holds what is looked at now, and needs no server and no network." : "It opens this study and does the same steps, on all runs of the files."}`,
+    [download(s.kept), " · ", download(s.name)]); }));
+go("yaml", async () => { const s = await ask("yaml", {}); let told = "copied";
   try { await navigator.clipboard.writeText(s.yaml); } catch { told = "copy it from here"; } dialog(`As YAML, ${told}`, s.yaml, []); });
-for (const id of ["output", "over", "against", "asis", "seeaside"]) $(id).addEventListener("change", () => { share(); draw(); });
+$("beside").addEventListener("change", attempt(async () => { $("beside").dataset.chosen = "1"; await besides(view.model, curvesOf); draw(); }));
+for (const id of ["output", "over", "against", "seeaside"]) $(id).addEventListener("change", () => { share(); draw(); });
 $("files").addEventListener("change", attempt(async event => { await upload(event.target.files); event.target.value = ""; }));
 document.addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dragging"); });
 document.addEventListener("dragleave", () => document.body.classList.remove("dragging"));
 document.addEventListener("drop", attempt(async event => { event.preventDefault(); document.body.classList.remove("dragging"); await upload(event.dataTransfer.files); }));
 document.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !/input|textarea/i.test(event.target.tagName)) { event.preventDefault(); $(event.shiftKey ? "redo" : "undo").click(); } });
 // For tests and benchmarks: a model redrawn as a slider does, and how long it took until it stood on the screen.
-window.pliantRedraw = async effects => { const t = performance.now(); await preview(effects, now.parts, false); draw();
+window.pliantRedraw = async effects => { const t = performance.now(); await preview(effects, now.parts, false); draw("move");
   await new Promise(r => requestAnimationFrame(() => setTimeout(r, 0))); return performance.now() - t; };
 pulse();

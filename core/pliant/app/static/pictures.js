@@ -1,6 +1,6 @@
 "use strict";
 // One scatter picture over uPlot: measured points, lines of models, a marked region that all pictures share.
-const INK = "#1d2433", MODEL = "#0072b2", PLAIN = "#c79fb8", MARK = "#d55e00", BAND = "#e8eef5", FAINT = "#b9c0cc";
+const INK = "#1d2433", MODEL = "#0072b2", PLAIN = "#a9628f", MARK = "#d55e00", BAND = "#e8eef5", FAINT = "#7f8897";
 
 class Picture {
   // hold: the element; brush(test): told which points a dragged box holds; words(k): of point k for the pointer.
@@ -12,7 +12,8 @@ class Picture {
   }
   width() { return Math.max(this.hold.clientWidth, 200); }
 
-  // shown: {x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}
+  // shown: {x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}; moving: y
+  // changes with the model.
   show(shown) {
     const fresh = !this.shown || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel;
     this.shown = shown;
@@ -47,6 +48,7 @@ class Picture {
       hooks: {draw: [u => this.draw(u)], setSelect: [u => this.selected(u)], setCursor: [u => this.point(u)]}},
       [null, [s.x, s.y]], this.hold);
     this.hold.appendChild(this.tip);
+    this.under = document.createElement("canvas"); this.under.className = "under"; this.plot.over.parentNode.prepend(this.under);
     const over = this.plot.over;
     over.addEventListener("dblclick", () => { this.view = this.extent(); this.rescale(); this.brush(null); });
     over.addEventListener("mouseleave", () => { this.tip.hidden = true; });
@@ -68,18 +70,33 @@ class Picture {
     this.plot.redraw(false, true);
   }
   redraw() { this.plot.redraw(false, false); }
-
+  // Only the model moved: the readings and the axes, on the canvas above, stay as they are.
+  move(shown) {
+    if (!this.shown || !this.plot || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel) { this.show(shown); return; }
+    this.shown = shown; this.drawMoving(this.plot);
+  }
+  scaled(u) {
+    const b = u.bbox, [x0, x1] = this.view.x, [y0, y1] = this.view.y, fx = b.width / (x1 - x0), fy = b.height / (y1 - y0);
+    return {b, fx, X: v => b.left + (v - x0) * fx, Y: v => b.top + b.height - (v - y0) * fy};
+  }
   draw(u) {
-    const s = this.shown, c = u.ctx, r = devicePixelRatio || 1, b = u.bbox;
-    const [x0, x1] = this.view.x, [y0, y1] = this.view.y;
-    const fx = b.width / (x1 - x0), fy = b.height / (y1 - y0);
-    const X = v => b.left + (v - x0) * fx, Y = v => b.top + b.height - (v - y0) * fy;
+    const s = this.shown, c = u.ctx, r = devicePixelRatio || 1, {b, fx, X} = this.scaled(u);
     c.save(); c.beginPath(); c.rect(b.left, b.top, b.width, b.height); c.clip();
-    if (s.band) { c.fillStyle = BAND; c.fillRect(b.left, Y(s.band), b.width, Y(-s.band) - Y(s.band));
-      c.fillStyle = FAINT; c.fillRect(b.left, Y(0) - r / 2, b.width, r); }
     if (s.rules) { c.font = `${11 * r}px system-ui`; c.textBaseline = "top";
       for (const rule of s.rules) { c.fillStyle = "#eef0f4"; c.fillRect(X(rule.at), b.top, r, b.height);
         c.fillStyle = "#5c6577"; if (rule.width * fx > 18 * r) c.fillText(rule.text, X(rule.at) + 3 * r, b.top + r); } }
+    if (!s.moving) this.points(u, c);
+    c.restore();
+    this.drawMoving(u);
+  }
+  // The canvas beneath: the band, the lines of the models, and readings that move with them.
+  drawMoving(u) {
+    const s = this.shown, r = devicePixelRatio || 1, {b, X, Y} = this.scaled(u), sheet = this.under, c = sheet.getContext("2d");
+    if (sheet.width !== u.ctx.canvas.width || sheet.height !== u.ctx.canvas.height) { sheet.width = u.ctx.canvas.width; sheet.height = u.ctx.canvas.height; }
+    c.clearRect(0, 0, sheet.width, sheet.height);
+    c.save(); c.beginPath(); c.rect(b.left, b.top, b.width, b.height); c.clip();
+    if (s.band) { c.fillStyle = BAND; c.fillRect(b.left, Y(s.band), b.width, Y(-s.band) - Y(s.band));
+      c.fillStyle = FAINT; c.fillRect(b.left, Y(0) - r / 2, b.width, r); }
     for (const line of s.lines) {
       c.strokeStyle = line.colour; c.lineWidth = (line.width || 1.6) * r; c.lineJoin = "round"; c.beginPath();
       let pen = false, next = 0;
@@ -91,17 +108,19 @@ class Picture {
       }
       c.stroke();
     }
-    const size = (s.x.length > 4000 ? 1.6 : 2.4) * r;
-    for (const pass of [0, 1]) {
+    if (s.moving) this.points(u, c);
+    c.restore();
+  }
+  points(u, c) {
+    const s = this.shown, r = devicePixelRatio || 1, {X, Y} = this.scaled(u), size = (s.x.length > 4000 ? 1.6 : 2.4) * r;
+    const looks = [[FAINT, size], [INK, size], [MARK, 1.5 * size]];  // a colour is set once, for all of its points
+    for (const [pass, [colour, d]] of looks.entries()) {
+      c.fillStyle = colour;
       for (let k = 0; k < s.x.length; k++) {
-        const mine = s.marked && s.marked[k] ? 1 : 0;
-        if (mine !== pass || !s.on[k] || s.x[k] === null || s.y[k] === null || s.y[k] !== s.y[k]) continue;
-        c.fillStyle = mine ? MARK : s.faint[k] ? FAINT : INK;
-        const d = mine ? 1.5 * size : size;
-        c.fillRect(X(s.x[k]) - d / 2, Y(s.y[k]) - d / 2, d, d);
+        if (!s.on[k] || s.x[k] === null || s.y[k] === null || s.y[k] !== s.y[k]) continue;
+        if ((s.marked && s.marked[k] ? 2 : s.faint[k] ? 0 : 1) === pass) c.fillRect(X(s.x[k]) - d / 2, Y(s.y[k]) - d / 2, d, d);
       }
     }
-    c.restore();
   }
   selected(u) {
     const q = u.select;
@@ -164,4 +183,26 @@ function stairs(svg, steps, cursor) {
     fill: k === cursor ? INK : "#5c6577", "font-weight": k === cursor ? 700 : 400}, String(k + 1)));
   svg.setAttribute("aria-label", steps.slice(0, cursor + 1).map((s, k) =>
     `step ${k + 1}, ${s.words}: ${s.aside === null ? "no run put aside" : s.aside.toFixed(2) + " on runs put aside"}, ${s.error === null ? "–" : s.error.toFixed(2)} on fitted runs`).join("; "));
+}
+// The learned term over its circumstance: line, 90 % band, grey where there are no data.
+function learnedCurve(svg, curve) {
+  const ns = "http://www.w3.org/2000/svg", W = svg.clientWidth || 400, H = 200, left = 52, bottom = 40, top = 8, right = 8;
+  svg.setAttribute("viewBox", `0 0 ${W} ${H}`); svg.replaceChildren();
+  const add = (tag, at, text) => { const e = document.createElementNS(ns, tag);
+    for (const [k, v] of Object.entries(at)) e.setAttribute(k, v); if (text) e.textContent = text; svg.appendChild(e); return e; };
+  const {x, value, half, ends} = curve, n = x.length, high = Math.max(...value.map((v, k) => v + half[k]), 0), low = Math.min(...value.map((v, k) => v - half[k]), 0);
+  const X = v => left + (v - x[0]) / (x[n - 1] - x[0]) * (W - left - right), Y = v => top + (high - v) / ((high - low) || 1) * (H - top - bottom);
+  for (const [from, to] of [[x[0], ends[0]], [ends[1], x[n - 1]]]) add("rect", {x: X(from), y: top, width: Math.max(X(to) - X(from), 0), height: H - top - bottom, fill: "#e4e7ec"});
+  const path = points => points.map(([a, b], k) => `${k ? "L" : "M"}${X(a).toFixed(1)},${Y(b).toFixed(1)}`).join("");
+  const up = x.map((v, k) => [v, value[k] + half[k]]), down = x.map((v, k) => [v, value[k] - half[k]]).reverse();
+  add("path", {d: `${path([...up, ...down])}Z`, fill: "#bcd9ee"});
+  add("line", {x1: left, x2: W - right, y1: Y(0), y2: Y(0), stroke: "#5c6577"});
+  add("path", {d: path(x.map((v, k) => [v, value[k]])), fill: "none", stroke: MODEL, "stroke-width": 2.2});
+  curve.knots[0].forEach((v, k) => add("circle", {cx: X(v), cy: Y(curve.knots[1][k]), r: 3, fill: MODEL}));
+  const say = (at, text) => add("text", {"font-size": 11, fill: "#5c6577", ...at}, text);
+  for (const v of [low, high]) say({x: left - 5, y: Y(v) + 4, "text-anchor": "end"}, String(+v.toPrecision(2)));
+  for (const v of ends) say({x: X(v), y: H - bottom + 14, "text-anchor": "middle"}, String(+v.toPrecision(3)));
+  say({x: (left + W) / 2, y: H - 6, "text-anchor": "middle"}, curve.over);
+  say({x: 12, y: (top + H - bottom) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(top + H - bottom) / 2})`}, curve.what);
+  svg.setAttribute("aria-label", `learned term: ${curve.what} over ${curve.over}, data from ${+ends[0].toPrecision(3)} to ${+ends[1].toPrecision(3)}`);
 }

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from pliant.execution.progress import Progress
-from pliant.interfaces.fem import FemConfig
+from pliant.interfaces.fem import LATERAL_CHECKS, LATERAL_FREE_LEVELS, FemConfig
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.pipeline.sampling.adaptive import Box, check_error, refine
 from pliant.pipeline.sampling.several import SeveralPlan
@@ -49,9 +49,7 @@ from pliant.records.fem import FemState, Role
 
 # States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
 USUAL_STATES = 24
-FREE_LEVELS = 3  # states of the free branch on the full piece, rest included
 MIRROR_TOLERANCE = 1e-3  # of τ and of u: both sides agree
-CHECKS = 2  # check states of each lateral axis, on the side that is not fitted
 
 
 def sample(
@@ -123,9 +121,9 @@ class _Plan:
 
     def _later(self, done: int = 0) -> int:
         """About how many states the other axes will take, the first `done` of them aside."""
-        each = self.config.lateral_states + 1 + min(CHECKS, self.config.check_states)
+        each = self.config.lateral_states + 1 + min(LATERAL_CHECKS, self.config.check_states)
         axes = len(self.lateral) - done
-        free = FREE_LEVELS if done == 0 else 0
+        free = LATERAL_FREE_LEVELS if done == 0 else 0
         return free + axes * each + self.config.coupling_states if self.lateral else 0
 
     def carry_out(self, walk: Walk) -> dict[str, Any]:
@@ -141,7 +139,7 @@ class _Plan:
             return summary
         # The free branch of the full piece starts all its other states.
         walk.rest(FULL)
-        free_levels(walk, levels(0.0, self.limit, FREE_LEVELS)[1:], "", FULL)
+        free_levels(walk, levels(0.0, self.limit, LATERAL_FREE_LEVELS)[1:], "", FULL)
         reach = self.config.lateral_angle_rad
         for done, axis in enumerate(self.lateral, start=1):
             if self.config.sampling == "study":
@@ -187,9 +185,9 @@ class _Plan:
         symmetric, apart = self._mirror_test(walk, axis)
         box = Box(axis, FULL, (0.0, self.limit), (-reach, reach), symmetric)
         walk.reach_new(box.corners())
-        most = FREE_LEVELS + config.lateral_states * (1 if symmetric else 2)
+        most = LATERAL_FREE_LEVELS + config.lateral_states * (1 if symmetric else 2)
         verdict = refine(walk, box, config.error, most, expect)
-        high, count = 0.0 if symmetric else reach, min(CHECKS, config.check_states)
+        high, count = 0.0 if symmetric else reach, min(LATERAL_CHECKS, config.check_states)
         for target in check_targets(self.limit, -reach, high, count, config.seed, axis, FULL):
             walk.reach(target)
         return {

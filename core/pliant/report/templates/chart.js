@@ -40,7 +40,8 @@
       this.plot = new uPlot({mode: 2, width: this.hold.clientWidth || 300, height, legend: {show: false}, padding: [6, 8, 0, 0],
         cursor: {drag: {x: true, y: true, uni: 20, setScale: false}, points: {show: false}, bind: {dblclick: () => () => null}},
         scales: {x: {time: false, auto: false, range: () => this.view.x}, y: {auto: false, range: () => this.view.y}},
-        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), size: 48, space: 17}],
+        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), space: 17,
+          size: (u, texts) => texts ? 14 + 7 * Math.max(4, ...texts.map(text => String(text).length)) : 48}],
         series: [null, {paths: () => null, points: {show: false}}],
         hooks: {draw: [u => this.draw(u)], setSelect: [u => this.dragged(u)], setCursor: [u => this.point(u)]}},
         [null, [[0, 1], [0, 1]]], this.hold);
@@ -48,10 +49,17 @@
       this.plot.over.addEventListener("dblclick", () => this.look(null));
       this.plot.over.addEventListener("mouseleave", () => { this.tip.hidden = true; });
       this.box.addEventListener("keydown", event => { if (this.key(event.key)) event.preventDefault(); });
-      new ResizeObserver(() => { const width = this.hold.clientWidth; if (width) this.plot.setSize({width, height: this.height}); }).observe(this.hold);
-      this.rescale();
+      new ResizeObserver(() => { const width = this.hold.clientWidth; if (width) { this.plot.setSize({width, height: this.height}); if (this.data.equal) { this.view = this.even(this.view); this.rescale(); } } }).observe(this.hold);
+      this.view = this.even(this.view); this.rescale();
     }
-    look(view) { this.view = view || this.all(); this.rescale(); this.follow(this, view === null); }
+    // Views of bodies: as long across as upward, by more room where there is too much of it.
+    even({x, y}) {
+      if (!this.data.equal || !this.plot) return {x, y};
+      const w = this.plot.over.clientWidth || 300, h = this.plot.over.clientHeight || 200, per = Math.max((x[1] - x[0]) / w, (y[1] - y[0]) / h);
+      const about = ([a, b], size) => { const c = (a + b) / 2; return [c - per * size / 2, c + per * size / 2]; };
+      return {x: about(x, w), y: about(y, h)};
+    }
+    look(view) { this.view = this.even(view || this.all()); this.rescale(); this.follow(this, view === null); }
     rescale() {
       this.box.dataset.view = [...this.view.x, ...this.view.y].map(v => v.toPrecision(6)).join(" ");
       this.plot.batch(() => { for (const k of ["x", "y"]) this.plot.setScale(k, {min: this.view[k][0], max: this.view[k][1]}); });
@@ -158,7 +166,9 @@
     for (let k = 0; k < panels.length; k += step) { const cell = make("div", {class: "cell"});
       for (const p of panels.slice(k, k + step)) cell.append(p.box); grid.append(cell); }
     live.append(bar, grid); figure.querySelector("img").after(live); figure.classList.add("live");
-    panels.forEach((p, k) => p.build(data.pairs && k % 2 ? 130 : 230));
+    const few = panels.length < 3 * step;
+    if (few) grid.classList.add("few");
+    panels.forEach((p, k) => p.build(data.pairs && k % 2 ? (few ? 170 : 130) : few ? 340 : 230));
   }
 
   const seen = new IntersectionObserver(entries => { for (const entry of entries) if (entry.isIntersecting) {

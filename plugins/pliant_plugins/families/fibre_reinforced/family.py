@@ -1,28 +1,92 @@
-"""The fibre-reinforced tube as an `ActuatorFamily`: its parameters, its piece, masses and collision shapes."""
+"""The fibre-reinforced tube as an `ActuatorFamily`: its section, its piece, masses and collision shapes.
+
+Module frame: x along the tube; z = 0 is the middle of the sleeve at the bottom, where the sheet lies. Angles φ about
+the tube's axis start at the bottom: y = ρ sin φ, z = axis height − ρ cos φ. The sleeve is the outer part of the wall:
+it holds the threads all around and the sheet, |φ| ≤ `sheet_angle`. The mesh is of structured 27-node hexahedra of half
+the section, one slice along x, with the threads in its sleeve.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
+from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.mechanics.rotations import exp_map
+from pliant.meshing.grids import grid_cells, grid_faces, grid_lines, module_sets, numbered
+from pliant.meshing.hexahedra import CENTRE, boundary_faces
 from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.meshing.surfaces import half_skins
-from pliant.records.design import ModuleMass
-from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.design import Array, ModuleMass
+from pliant.records.fem import Fibres, IntArray, ModuleMesh, ModuleProblem
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.units import Angle, Force, Length
-from pliant_plugins.families.fibre_reinforced.geometry import TubeGeometry
-from pliant_plugins.families.fibre_reinforced.mesh import SHEET, build_mesh, winding
 
+LARGEST_M = 1.0
+SHEET = "sheet"
+# Elements along the slice, around half the section in arcs of at most so much, through liner and sleeve.
+ALONG, ARC_RAD, LINER, SLEEVE = 1, 0.45, 2, 1
 ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
 MASS_REFINEMENT = 2  # quadratic faces then follow the circles to 1e-5 of the mass
+
+
+@dataclass(frozen=True)
+class TubeGeometry:
+    """Module length, inner radius, whole wall, sleeve (m); half the sheet's opening and the threads' angle (rad)."""
+
+    module_length_m: float
+    radius_m: float
+    wall_m: float
+    sleeve_m: float
+    thread_spacing_m: float
+    sheet_angle_rad: float
+    thread_angle_rad: float
+
+    @property
+    def axis_height_m(self) -> float:
+        """Height of the tube's axis over the sheet."""
+        return self.radius_m + self.wall_m - self.sleeve_m / 2
+
+    def check(self) -> None:
+        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the tube exists."""
+        for name, value, than, limit in self._inequalities():
+            if not value < limit * (1 - 1e-9):
+                raise InvalidDesignError(
+                    f"fibre_reinforced needs {name} < {than}, but {_mm(value)} against {_mm(limit)} misses it by "
+                    f"{_mm(value - limit)}."
+                )
+        for name, angle, low, high in (
+            ("sheet_angle", self.sheet_angle_rad, 0.0, np.pi),
+            ("thread_angle", self.thread_angle_rad, 0.0, np.pi / 2),
+        ):
+            # threads may run around the tube, a right angle
+            if not (low < angle < high or (name == "thread_angle" and angle == high)):
+                raise InvalidDesignError(
+                    f"fibre_reinforced needs {name} between 0 and {np.degrees(high):g} deg, but it is "
+                    f"{np.degrees(angle):.6g} deg, off by {np.degrees(max(low - angle, angle - high)):.6g} deg."
+                )
+
+    def _inequalities(self) -> Iterator[tuple[str, float, str, float]]:
+        """Name and value of what must be less, name of the limit and limit, in m."""
+        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self) if f.name.endswith("_m")}
+        for name, value in lengths.items():
+            if not value > 0:
+                raise InvalidDesignError(f"fibre_reinforced needs {name} > 0, but it is {_mm(value)}.")
+        yield from (
+            (name, value, "1 m (bare numbers are metres)", LARGEST_M) for name, value in lengths.items()
+        )
+        yield "sleeve (the outer part of the wall)", self.sleeve_m, "wall", self.wall_m
+
+
+def _mm(length_m: float) -> str:
+    return f"{1e3 * length_m:.6g} mm"
 
 
 class FibreReinforcedConfig(FamilyConfig):
@@ -103,3 +167,52 @@ class FibreReinforced(ActuatorFamily):
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves, threads as heavy as what they lie in; `sheet` has its own density."""
         return half_masses(self._half, density_kg_m3, regions=regions)
+
+
+def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:
+    """The slice x ∈ [0, l/2], y ≥ 0, with the sheet as a region; `pin` is a corner of the sleeve at the bottom."""
+    g = geometry
+    ends, arcs = (0.0, g.sheet_angle_rad, np.pi), []
+    for low, high in itertools.pairwise(ends):
+        arcs.append(grid_lines((low, high), refinement * int(np.ceil((high - low) / ARC_RAD))))
+    phi = np.concatenate([arcs[0], arcs[1][1:]])
+    outer = g.radius_m + g.wall_m
+    liner = grid_lines((g.radius_m, outer - g.sleeve_m), refinement * LINER)
+    radius = np.concatenate([liner, grid_lines((outer - g.sleeve_m, outer), refinement * SLEEVE)[1:]])
+    x = grid_lines((0.0, g.module_length_m / 2), refinement * ALONG)
+
+    X, angle, rho = np.meshgrid(x, phi, radius, indexing="ij")
+    places = np.stack([X, rho * np.sin(angle), g.axis_height_m - rho * np.cos(angle)], axis=-1)
+    places[:, [0, -1], :, 1] = 0.0  # sin π leaves rounding
+    nodes, ids = numbered(places)
+    # the grid is left-handed in the module frame: one index runs backwards
+    cells = grid_cells(ids[:, ::-1])
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, g.module_length_m / 2, (0.0, 0.0, g.sleeve_m / 2))
+    turn = _angles(g, nodes[cells[:, CENTRE]])
+    sheet = np.intersect1d(in_sleeve(g, nodes, cells), np.flatnonzero(turn < g.sheet_angle_rad))
+    return ModuleMesh(nodes, cells, grid_faces(ids[:, :, 0]), skin, sets, {SHEET: sheet})
+
+
+def in_sleeve(geometry: TubeGeometry, nodes_m: Array, cells: IntArray) -> IntArray:
+    """Numbers of the cells that hold threads."""
+    y, z = nodes_m[cells[:, CENTRE], 1:].T
+    beyond = geometry.radius_m + geometry.wall_m - geometry.sleeve_m
+    return np.flatnonzero(np.hypot(y, z - geometry.axis_height_m) > beyond)
+
+
+def winding(geometry: TubeGeometry, mesh: ModuleMesh, stiffness_n: float) -> tuple[Fibres, Fibres]:
+    """Both windings, ±α from the axis: a thread of EA = `stiffness_n` at each spacing, spread over the sleeve."""
+    cells = in_sleeve(geometry, mesh.nodes_m, mesh.cells)
+    phi = _angles(geometry, mesh.nodes_m[mesh.cells[cells]])
+    around = np.stack([np.zeros_like(phi), np.cos(phi), np.sin(phi)], axis=-1)
+    along = np.broadcast_to(np.array([1.0, 0.0, 0.0]), around.shape)
+    spread = stiffness_n / (geometry.thread_spacing_m * geometry.sleeve_m)
+    c, s = np.cos(geometry.thread_angle_rad), np.sin(geometry.thread_angle_rad)
+    plus, minus = (Fibres(cells, c * along + sign * s * around, spread) for sign in (1.0, -1.0))
+    return plus, minus
+
+
+def _angles(geometry: TubeGeometry, places: Array) -> Array:
+    """φ of places (..., 3), from 0 at the bottom to π at the top."""
+    return np.asarray(np.arctan2(places[..., 1], geometry.axis_height_m - places[..., 2]))

@@ -3,7 +3,9 @@
 A name stands for a surface where it is a set of triangles or quadrilaterals (a physical group of gmsh, an element set
 of Abaqus, a value of an integer cell array of a .vtu, named `array=value`), or a set of nodes (an Abaqus NSET, an
 integer point array of a .vtu that is not zero there): then the faces are those whose corners all belong to it. A name
-of a set of solid cells stands for a volume.
+of a set of solid cells stands for a volume. Surfaces of an Abaqus or CalculiX deck (`*SURFACE, TYPE=ELEMENT`), which
+meshio leaves out, are read here: a line of such a card is an element's number or the name of an element set, and the
+side S1, S2, …
 """
 
 from __future__ import annotations
@@ -22,8 +24,8 @@ from pliant.meshing.raising import SOLID
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant.report.vtu import require_meshio
-from pliant_plugins.families.mesh_file.abaqus import element_surfaces
 
+Members = list[tuple[int, int]]  # places of solid cells and their sides
 FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".inp": "abaqus"}
 SURFACE = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}  # corners of each kind of face
 # Corners of a solid cell's faces, as Abaqus numbers them (S1, S2, …); nodes in VTK's order.
@@ -176,3 +178,63 @@ def _node_sets(mesh: Any) -> dict[str, IntArray]:
         if values.ndim == 1 and values.dtype.kind in "iub":
             sets[name] = np.flatnonzero(values)
     return sets
+
+
+def element_surfaces(path: Path, volumes: Mapping[str, IntArray]) -> dict[str, Members]:
+    """Surface → (place of the solid cell, number of its side); what is no such line is passed over.
+
+    Args:
+        path: the deck.
+        volumes: name → places of solid cells, of its element sets.
+    """
+    sets = {name.upper(): members for name, members in volumes.items()}
+    surfaces: dict[str, list[tuple[str, int]]] = {}
+    place: dict[int, int] = {}
+    current: str | None = None
+    kind = ""
+    pending: list[str] = []
+    for raw in path.read_text(errors="replace").splitlines():
+        line = raw.strip()
+        if not line or line.startswith("**"):
+            continue
+        if line.startswith("*"):
+            kind, options = _card(line)
+            current = (
+                options.get("NAME")
+                if kind == "SURFACE" and options.get("TYPE", "ELEMENT") == "ELEMENT"
+                else None
+            )
+            solid = kind == "ELEMENT" and options.get("TYPE", "").startswith("C3D")
+            kind = "SOLID" if solid else kind
+            pending = []
+        elif kind == "SOLID":
+            pending += line.split(",")
+            if not line.endswith(","):
+                place[int(pending[0])] = len(place)
+                pending = []
+        elif current is not None:
+            words = [word.strip().upper() for word in line.split(",")]
+            if len(words) >= 2 and words[1][:1] == "S" and words[1][1:].isdigit():
+                surfaces.setdefault(current, []).append((words[0], int(words[1][1:])))
+    return {name: _members(lines, sets, place) for name, lines in surfaces.items()}
+
+
+def _card(line: str) -> tuple[str, dict[str, str]]:
+    """Keyword and options; names of surfaces keep their case, everything else is in capitals."""
+    keyword, *options = line[1:].split(",")
+    found = {}
+    for option in options:
+        key, _, value = option.partition("=")
+        key = key.strip().upper()
+        found[key] = value.strip() if key == "NAME" else value.strip().upper()
+    return keyword.strip().upper(), found
+
+
+def _members(lines: list[tuple[str, int]], sets: Mapping[str, IntArray], place: Mapping[int, int]) -> Members:
+    found: Members = []
+    for who, side in lines:
+        if who.isdigit():
+            found += [(place[int(who)], side)] if int(who) in place else []
+        else:
+            found += [(int(cell), side) for cell in np.asarray(sets.get(who, ()), int)]
+    return found

@@ -1,24 +1,103 @@
-"""The fast PneuNet as an `ActuatorFamily`: its parameters, its piece, masses and collision shapes."""
+"""The fast PneuNet as an `ActuatorFamily`: one chamber as a solid, its piece, masses and collision shapes.
+
+Module frame: x along the row with the chamber's middle at x = 0 and the middle of a gap at x = ±l/2; z = 0 is the
+mid-plane of the layer. Above the layer a floor, on it the chamber; a channel through walls and gap joins the chambers.
+The mesh is of structured 27-node hexahedra of a quarter of the chamber: x ∈ [0, l/2], y ∈ [0, w/2].
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
+from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
+from pliant.meshing.hexahedra import CENTRE, boundary_faces
 from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.meshing.surfaces import box, half_skins
-from pliant.records.design import ModuleMass
+from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.units import Length
-from pliant_plugins.families.pneunet.geometry import ChamberGeometry
-from pliant_plugins.families.pneunet.mesh import LAYER, build_mesh
+
+LARGEST_M = 1.0
+LAYER = "layer"
+# Elements between neighbouring lines: chamber, wall, half a gap; channel, chamber, shell; layer … top.
+ALONG, ACROSS, UPWARD = (2, 1, 1), (1, 2, 1), (1, 1, 1, 1, 3, 1)
+
+
+@dataclass(frozen=True)
+class ChamberGeometry:
+    """Module length l, section, walls, gap, channel and layer; all in m."""
+
+    module_length_m: float
+    width_m: float
+    height_m: float
+    wall_m: float
+    shell_m: float
+    gap_m: float
+    floor_m: float
+    bridge_m: float
+    channel_width_m: float
+    channel_height_m: float
+    layer_m: float
+
+    @property
+    def x_lines(self) -> tuple[float, ...]:
+        """From mid-chamber to mid-gap: the wall's inner and outer face between."""
+        half = self.module_length_m / 2
+        outer = half - self.gap_m / 2
+        return 0.0, outer - self.wall_m, outer, half
+
+    @property
+    def y_lines(self) -> tuple[float, ...]:
+        """From the mirror plane: channel, chamber, outside."""
+        return 0.0, self.channel_width_m / 2, self.width_m / 2 - self.shell_m, self.width_m / 2
+
+    @property
+    def z_lines(self) -> tuple[float, ...]:
+        """Layer, floor, channel, its bridge over the gap, chamber, top."""
+        low = self.layer_m / 2
+        floor = low + self.floor_m
+        channel = floor + self.channel_height_m
+        top = low + self.height_m
+        return -low, low, floor, channel, channel + self.bridge_m, top - self.shell_m, top
+
+    def check(self) -> None:
+        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the chamber exists."""
+        for name, value, than, limit in self._inequalities():
+            if not value < limit * (1 - 1e-9):
+                raise InvalidDesignError(
+                    f"pneunet needs {name} < {than}, but {_mm(value)} against {_mm(limit)} misses it by "
+                    f"{_mm(value - limit)}."
+                )
+
+    def _inequalities(self) -> Iterator[tuple[str, float, str, float]]:
+        """Name and value of what must be less, name of the limit and limit, in m."""
+        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self)}
+        for name, value in lengths.items():
+            if not value > 0:
+                raise InvalidDesignError(f"pneunet needs {name} > 0, but it is {_mm(value)}.")
+        yield from (
+            (name, value, "1 m (bare numbers are metres)", LARGEST_M) for name, value in lengths.items()
+        )
+        along = "2 wall + gap (the chamber needs room)"
+        yield along, 2 * self.wall_m + self.gap_m, "module_length", self.module_length_m
+        across = "2 shell + channel_width (the channel is narrower than the chamber)"
+        yield across, 2 * self.shell_m + self.channel_width_m, "width", self.width_m
+        upward = "floor + channel_height + bridge + shell (the chamber is higher than the channel's bridge)"
+        stacked = self.floor_m + self.channel_height_m + self.bridge_m + self.shell_m
+        yield upward, stacked, "height", self.height_m
+
+
+def _mm(length_m: float) -> str:
+    return f"{1e3 * length_m:.6g} mm"
 
 
 class PneunetConfig(FamilyConfig):
@@ -99,3 +178,29 @@ class Pneunet(ActuatorFamily):
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves, exact for the mesh's flat faces; `layer` has its own density."""
         return half_masses(self._half, density_kg_m3, regions=regions)
+
+
+def build_mesh(geometry: ChamberGeometry, refinement: int = 1) -> ModuleMesh:
+    """The quarter with its layer as a region; `pin` is the corner above the layer at x = y = 0."""
+    x, y, z = geometry.x_lines, geometry.y_lines, geometry.z_lines
+    counted = ((x, ALONG), (y, ACROSS), (z, UPWARD))
+    nodes, ids = numbered(block(*(_lines(ends, counts, refinement) for ends, counts in counted)))
+    cells = grid_cells(ids)
+
+    # between the chambers of neighbouring modules there is air
+    cx, _, cz = nodes[cells[:, CENTRE]].T
+    nodes, cells, _ = carved(nodes, cells, (cx > x[2]) & (cz > z[4]))
+    cx, cy, cz = nodes[cells[:, CENTRE]].T
+    chamber = (cx < x[1]) & (cy < y[2]) & (cz > z[2]) & (cz < z[5])
+    channel = (cx > x[1]) & (cy < y[1]) & (cz > z[2]) & (cz < z[3])
+    nodes, cells, cavity = carved(nodes, cells, chamber | channel)
+
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, geometry.module_length_m / 2, (0.0, 0.0, geometry.layer_m / 2))
+    regions = {LAYER: np.flatnonzero(nodes[cells[:, CENTRE], 2] < z[1])}
+    return ModuleMesh(nodes, cells, cavity, skin, sets, regions)
+
+
+def _lines(ends: Sequence[float], counts: Sequence[int], refinement: int) -> Array:
+    pieces = [grid_lines(ends[i : i + 2], refinement * count) for i, count in enumerate(counts)]
+    return np.concatenate([*(piece[:-1] for piece in pieces), pieces[-1][-1:]])

@@ -1,4 +1,4 @@
-"""The joint law of a network of an energy, of one to three axes, defined and stable outside its box too."""
+"""The joint law of a network of an energy, of any actuations and axes, defined and stable outside its box too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.neural.network import Network
-from pliant_plugins.surrogates.neural.scalar import network_effort, shared
+from pliant_plugins.surrogates.neural.scalar import network_effort, several_network_effort, shared
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 # The network is seen this far outside the box, in half-widths; halved until it is stable there.
@@ -22,7 +22,7 @@ SHARE_LEFT = 0.5
 # Where a border has no stiffness: of the effort's range over the box's half-width.
 LEAST_STIFFNESS = 0.02
 SAFETY = 1.2
-LEVELS = {1: 41, 2: 13, 3: 7}
+LEVELS, FEWEST = {2: 41, 3: 13, 4: 7, 5: 5, 6: 4}, 3  # of a grid, by the number of coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,13 @@ class NetworkContinuation:
     where a_i is τ_i on the border, the other axes at rest, so that τ goes on as a line of the stiffness k_i. All
     terms and their first two derivatives vanish on the border: τ is C¹. Where the network is stable up to L outside
     the box, so is the law everywhere: k_i [1 − (1 − t²)²] and D_i ≥ |τ_i − a_i| keep what bending takes away.
-    Pressure beyond p̃ pushes with the constant gain G of the border at rest, which leaves the stiffness alone.
+    Pressure beyond p̃ pushes with the constant gain G of the border at rest, which leaves the stiffness alone. Of
+    several actuations each has its own G, the others at rest.
 
     Attributes:
-        box: (1 + k, 2).
-        reach: (1 + k,) L.
-        gain: (2, k) G below and above.
+        box: (m + k, 2).
+        reach: (m + k,) L.
+        gain: (m, 2, k) G of each actuation below and above.
         rest: (k,) the deformation of the box nearest to zero.
         stiffness: (k, 2) k_i below and above.
         guard: (k, 2) D_i.
@@ -58,7 +59,7 @@ class NetworkContinuation:
     largest_slope: float
 
     def bend(self, points: Array) -> tuple[Array, Array, Array]:
-        """x̃, how fast it follows x (1 inside, 1 − t² outside), and δ; all (n, 1 + k)."""
+        """x̃, how fast it follows x (1 inside, 1 − t² outside), and δ; all (n, m + k)."""
         inside = np.clip(points, self.box[:, 0], self.box[:, 1])
         excess = points - inside
         bent = np.tanh(excess / self.reach)
@@ -66,9 +67,10 @@ class NetworkContinuation:
 
 
 def continue_(network: Network, box: Array) -> NetworkContinuation:
-    """The continuation of a network outside box (1 + k, 2), with the largest reach that keeps it stable."""
+    """The continuation of a network outside box (m + k, 2), with the largest reach that keeps it stable."""
     half = np.ptp(box, axis=1) / 2
-    levels = LEVELS[network.n_axes]
+    m = network.n_inputs
+    levels = LEVELS.get(len(box), FEWEST)
     inner = _largest_slope(network, _grid(box, levels))
     reach = half * REACHES[-1]
     for share in REACHES:
@@ -76,27 +78,32 @@ def continue_(network: Network, box: Array) -> NetworkContinuation:
         if _largest_slope(network, _grid(wide, levels)) <= SHARE_LEFT * inner < 0:
             reach = share * half
             break
-    rest = np.clip(np.zeros(network.n_axes), box[1:, 0], box[1:, 1])
-    gain = np.array([network.efforts(np.array([[p, *rest]]))[1][0] for p in box[0]])
+    at_rest = np.clip(np.zeros(len(box)), box[:, 0], box[:, 1])
+    gain, rest = np.empty((m, 2, network.n_axes)), at_rest[m:]
+    for j, side in product(range(m), (0, 1)):
+        at = at_rest.copy()
+        at[j] = box[j, side]
+        gain[j, side] = network.efforts(at[None])[1][0, :, j]
     stiffness, guard = _borders(network, box, reach, rest)
     return NetworkContinuation(box, reach, gain, rest, stiffness, guard, inner)
 
 
 def _borders(network: Network, box: Array, reach: Array, rest: Array) -> tuple[Array, Array]:
     """k_i and D_i, (k, 2) each: mean stiffness on a border, farthest that τ_i is from its value at rest near it."""
-    k = network.n_axes
+    k, m = network.n_axes, network.n_inputs
+    levels = LEVELS.get(len(box), FEWEST)
     stiffness, guard = np.zeros((k, 2)), np.zeros((k, 2))
     wide = box + reach[:, None] * [-1, 1]
-    tau = network.efforts(_grid(box, LEVELS[k]))[0]
+    tau = network.efforts(_grid(box, levels))[0]
     for i, side in product(range(k), (0, 1)):
         slab = wide.copy()
-        slab[1 + i] = sorted((box[1 + i, side], wide[1 + i, side]))
-        points = _grid(slab, LEVELS[k])
+        slab[m + i] = sorted((box[m + i, side], wide[m + i, side]))
+        points = _grid(slab, levels)
         on_border = points.copy()
-        on_border[:, 1 + i] = box[1 + i, side]
+        on_border[:, m + i] = box[m + i, side]
         at_rest = on_border.copy()
-        at_rest[:, 1:] = np.where(np.arange(k) == i, on_border[:, 1:], rest)
-        least = LEAST_STIFFNESS * np.ptp(tau[:, i]) / (np.ptp(box[1 + i]) / 2)
+        at_rest[:, m:] = np.where(np.arange(k) == i, on_border[:, m:], rest)
+        least = LEAST_STIFFNESS * np.ptp(tau[:, i]) / (np.ptp(box[m + i]) / 2)
         stiffness[i, side] = max(-network.efforts(on_border)[2][:, i, i].mean(), least)
         away = network.efforts(points)[0][:, i] - network.efforts(at_rest)[0][:, i]
         guard[i, side] = SAFETY * np.abs(away).max()
@@ -136,31 +143,36 @@ class NeuralLaw(JointLaw):
     outside: NetworkContinuation = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
-        object.__setattr__(self, "outside", continue_(self.network, box))
+        object.__setattr__(self, "outside", continue_(self.network, self.domain.box))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k)."""
-        points = _points(actuation, deformation)
+        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k).
+
+        Of m > 1 actuations they are (n, m), ∂τ/∂p is (n, k, m).
+        """
+        points, m = _points(actuation, deformation), self.network.n_inputs
         how = self.outside
         bent, rate, excess = how.bend(points)
         tau, gain, slope = self.network.efforts(bent)
         if not excess.any():
-            return Effort(tau, gain, slope)
-        r, s, in_p = rate[:, 1:], rate[:, 1:, None] * rate[:, None, 1:], rate[:, :1]
+            return Effort(tau, _narrow(gain), slope)
+        in_p, r = rate[:, None, :m], rate[:, m:]
+        s = r[:, :, None] * r[:, None, :]
         slope = slope * s
-        at_border, border_gain = self._border(bent[:, 0], excess[:, 1:])
-        stiffness, guard = self._sides(excess[:, 1:])
-        reach, sign = how.reach[1:], np.sign(excess[:, 1:])
-        t = np.tanh(np.abs(excess[:, 1:]) / reach)
+        beyond = excess[:, m:]
+        at_border, border_gain = self._border(bent[:, :m], beyond)
+        stiffness, guard = self._sides(beyond)
+        reach, sign = how.reach[m:], np.sign(beyond)
+        t = np.tanh(np.abs(beyond) / reach)
         bending = -2 * t * r / reach
         diagonal = np.einsum("nii->ni", slope)
         diagonal += (tau - at_border) * sign * bending - stiffness * (1 - r * r) + guard * bending
-        outer_gain = np.where(excess[:, :1] > 0, how.gain[1], how.gain[0])
-        tau = tau * r + at_border * (1 - r) + (points[:, :1] - bent[:, :1]) * outer_gain
-        tau -= stiffness * (excess[:, 1:] - sign * reach * (t - t**3 / 3)) + guard * sign * (1 - r)
-        gain = in_p * (gain * r + border_gain * (1 - r)) + (1 - in_p) * outer_gain
-        return Effort(tau, gain, slope)
+        outer_gain = self._outer_gain(excess[:, :m])
+        tau = tau * r + at_border * (1 - r)
+        tau += np.sum((points - bent)[:, None, :m] * outer_gain, axis=2)
+        tau -= stiffness * (beyond - sign * reach * (t - t**3 / 3)) + guard * sign * (1 - r)
+        gain = in_p * (gain * r[:, :, None] + border_gain * (1 - r)[:, :, None]) + (1 - in_p) * outer_gain
+        return Effort(tau, _narrow(gain), slope)
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
         """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
@@ -170,10 +182,13 @@ class NeuralLaw(JointLaw):
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
         net, how = self.network, self.outside
-        axes = [how.rest, how.stiffness, how.guard, how.gain.T, net.effort, net.gain, net.stiffness]
+        outer_gain = how.gain.transpose(2, 0, 1).reshape(net.n_axes, -1)
+        axes = [how.rest, how.stiffness, how.guard, outer_gain, net.effort, net.gains, net.stiffness]
         blocks = ([how.box, how.reach], axes, [net.offsets, net.factors, net.weights])
         numbers = [np.column_stack(block).ravel() for block in blocks]
-        parameters = np.concatenate([[float(len(net.offsets))], *numbers])
+        parameters = np.concatenate([[float(len(net.offsets)), float(net.n_inputs)], *numbers])
+        if net.n_inputs > 1:
+            return ScalarLaw(several_network_effort, parameters)
         return ScalarLaw(network_effort, parameters, partial(shared, axes=len(self.axes)))
 
     def record(self) -> LawRecord:
@@ -192,27 +207,34 @@ class NeuralLaw(JointLaw):
         energy = self.network.energy(bent)
         if not excess.any():
             return energy
-        outer_gain = np.where(excess[:, :1] > 0, how.gain[1], how.gain[0])
-        energy = energy - np.sum((points[:, :1] - bent[:, :1]) * outer_gain * points[:, 1:], axis=1)
-        at_border, _ = self._border(bent[:, 0], excess[:, 1:])
-        stiffness, guard = self._sides(excess[:, 1:])
-        reach, r = how.reach[1:], np.abs(excess[:, 1:])
+        m = self.network.n_inputs
+        beyond, pushed = excess[:, m:], (points - bent)[:, None, :m] * self._outer_gain(excess[:, :m])
+        energy = energy - np.sum(pushed * points[:, m:, None], axis=(1, 2))
+        at_border, _ = self._border(bent[:, :m], beyond)
+        stiffness, guard = self._sides(beyond)
+        reach, r = how.reach[m:], np.abs(beyond)
         x = r / reach
         t = np.tanh(x)
         log_cosh = x + np.log1p(np.exp(-2 * x)) - np.log(2.0)
         left = r - reach * t
         bowl = r * r / 2 - reach**2 * (2 / 3 * log_cosh + t * t / 6)
-        beside = (guard - at_border * np.sign(excess[:, 1:])) * left + stiffness * bowl
+        beside = (guard - at_border * np.sign(beyond)) * left + stiffness * bowl
         return energy + beside.sum(axis=1)
 
+    def _outer_gain(self, excess: Array) -> Array:
+        """(n, k, m) G of the side on which each actuation left its box by excess (n, m)."""
+        of_side = self.outside.gain[np.arange(excess.shape[1]), (excess > 0).astype(int)]
+        return np.swapaxes(of_side, 1, 2)
+
     def _border(self, p: Array, excess: Array) -> tuple[Array, Array]:
-        """a_i and ∂a_i/∂p̃, (n, k) each; zero for axes inside their box."""
-        tau, gain = np.zeros_like(excess), np.zeros_like(excess)
+        """a_i (n, k) and ∂a_i/∂p̃ (n, k, m) at p (n, m); zero for axes inside their box."""
+        m = p.shape[1]
+        tau, gain = np.zeros_like(excess), np.zeros((*excess.shape, m))
         for i in range(excess.shape[1]):
             for side, out in enumerate((excess[:, i] < 0, excess[:, i] > 0)):
                 if out.any():
                     u = self.outside.rest.copy()
-                    u[i] = self.outside.box[1 + i, side]
+                    u[i] = self.outside.box[m + i, side]
                     found = self.network.efforts(_points(p[out], np.tile(u, (int(out.sum()), 1))))
                     tau[out, i], gain[out, i] = found[0][:, i], found[1][:, i]
         return tau, gain
@@ -225,5 +247,10 @@ class NeuralLaw(JointLaw):
 
 
 def _points(actuation: Array, deformation: Array) -> Array:
-    """(n, 1 + k)."""
+    """(n, m + k)."""
     return np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
+
+
+def _narrow(gain: Array) -> Array:
+    """∂τ/∂p (n, k, m) as laws give it: (n, k) of one actuation."""
+    return gain[:, :, 0] if gain.shape[2] == 1 else gain

@@ -1,0 +1,129 @@
+"""Scripted users of the evidence page on sets of the bed: does a user get what `pliant improve` gets, and is warned?
+
+    python -m benchmarks.page_users --cases 20
+
+Each drops a study and its recording, looks, diagnoses, ticks what is probable, fits, saves; then presses Improve; then
+adds an effect that is not there. Sets are of the calibration split, with an effect hidden in each, on the joint.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.evidence.sets import SetSpec, make_set
+from benchmarks.output import parser_of, write
+from tests.app.page_user import PageUser
+from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, playwright, started
+
+from pliant import api
+from pliant.app.open_model import OpenModel
+from pliant.app.page_state import Effects
+
+KINDS = (
+    "viscoelastic", "actuation_gain", "stiffness", "sensor_scale", "friction_hysteresis", "backlash", "dead_zone",
+    "supply_lag", "sensor_bias", "permanent_set",
+)  # fmt: skip
+SNR = 2.5
+CLOSE = 0.02
+
+
+def specs(count: int, protocol: str) -> list[SetSpec]:
+    """Kinds in turn, other seeds in each round."""
+    return [
+        SetSpec(KINDS[k % len(KINDS)], 500 + k, "functional", "joint", protocol, "calibration", SNR)
+        for k in range(count)
+    ]
+
+
+def played(spec: SetSpec, folder: Path, store: Path) -> dict[str, Any]:
+    """One user's session on one set."""
+    made = make_set(spec)
+    dropped = [folder / "bench.csv", folder / "robot.yaml"]
+    dropped[0].write_text(made.csv)
+    dropped[1].write_text(made.study)
+    server, address = started(folder / "session", store)
+    try:
+        with playwright.sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+            page = browser.new_page(viewport={"width": 1500, "height": 1150})
+            page.goto(address)
+            page.wait_for_selector("#begin:visible", timeout=LONG)
+            found = story(PageUser(page), dropped, made.label["kinds"], store)
+            browser.close()
+    finally:
+        server.terminate()
+        server.wait()
+    return {"hidden": spec.kind, **found}
+
+
+def story(user: PageUser, dropped: list[Path], hidden: list[str], store: Path) -> dict[str, Any]:
+    """Drop, look, diagnose, tick, save; improve; add an effect that is not there."""
+    shown_s = user.drop(dropped)
+    said = user.look()
+    ticked = user.improve_by_hand()
+    own, mine = user.page.evaluate("view.model.cursor"), user.save()
+    doubts = user.warnings()
+    effects = {"mine": _effects(mine, store)}
+    user.improve()
+    effects["improve"] = tuple(user.page.evaluate("view.model.effects"))
+    user.go_back(own)
+    false = user.false_kind(hidden)
+    warned = None
+    if false:
+        user.tick(false)
+        user.fit()
+        warned = [one for one in user.warnings() if false in one]
+    files = Path(user.page.evaluate("view.folder")) / "files"
+    model = OpenModel.open(files / dropped[1].name, [files / dropped[0].name], store)
+    noise = model.noise(model.predicted(effects["improve"]))
+    aside = {name: model.errors(model.predicted(one), noise).aside for name, one in effects.items()}
+    plain = model.errors(model.predicted(model.own_effects), noise).aside
+    return {
+        "first_screen_s": round(shown_s, 2),
+        "said": said,
+        "ticked": ticked,
+        "doubts_of_the_right_one": doubts,
+        "aside": {"as_it_was": plain, **aside},
+        "within_2_percent": bool(aside["mine"] <= (1.0 + CLOSE) * aside["improve"]),
+        "false_add": false,
+        "warned": warned,
+    }
+
+
+def _effects(study: Path, store: Path) -> Effects:
+    return tuple(effect.canonical() for effect in api.open_study(study, store=store).study.effects)
+
+
+def main() -> None:
+    parser = parser_of(__doc__)
+    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--protocol", default="example")
+    given = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as text:
+        for k, spec in enumerate(specs(given.cases, given.protocol)):
+            folder = Path(text) / f"user-{k}"
+            folder.mkdir()
+            rows.append(played(spec, folder, Path(text) / "store"))
+            print(json.dumps(rows[-1]), flush=True)
+    offered = [row for row in rows if row["false_add"]]
+    found = {
+        "load": os.getloadavg()[0],
+        "cases": len(rows),
+        "within_2_percent_of_improve": sum(row["within_2_percent"] for row in rows),
+        "false_adds": len(offered),
+        "warned": sum(bool(row["warned"]) for row in offered),
+        "right_ones_doubted": sum(bool(row["doubts_of_the_right_one"]) for row in rows if row["ticked"]),
+        "first_screen_s": float(np.median([row["first_screen_s"] for row in rows])),
+        "rows": rows,
+    }
+    write("page_users", found)
+
+
+if __name__ == "__main__":
+    main()

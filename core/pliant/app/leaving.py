@@ -1,0 +1,162 @@
+"""What a session leaves behind: its way as commands, as a notebook, and as a page that stands alone."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pliant.app.open_model import OpenModel
+from pliant.app.page_state import Effects
+from pliant.formatting import number
+from pliant.report.comparison import comparison_document
+from pliant.report.document import Document, Drawn, Section, Table, Warned
+from pliant.report.render import page
+
+
+@dataclass(frozen=True)
+class Way:
+    """How the present model came to be.
+
+    Attributes:
+        study: the file that was opened.
+        data: recordings instead of its own.
+        diagnosed: whether a diagnosis was made on the way.
+        what: "fit", "improve", or "" where a hand set the values.
+        kinds: effects that a fit had.
+        learned: whether a learned term might be the last step of an improvement.
+        saved: the file that the present model is saved as.
+    """
+
+    study: Path
+    data: tuple[Path, ...]
+    diagnosed: bool
+    what: str
+    kinds: tuple[str, ...]
+    learned: bool
+    saved: Path
+
+
+def commands(way: Way) -> list[str]:
+    """The way on the command line, on all runs of the files; values of a hand are in the saved study alone."""
+    data = [word for file in way.data for word in ("--data", str(file))]
+    lines = [["pliant", "compare", str(way.study), *data]]
+    if way.diagnosed:
+        lines.append(["pliant", "diagnose", str(way.study), *data])
+    named = [word for kind in way.kinds for word in ("--effect", kind)]
+    if way.what == "fit":
+        lines.append(["pliant", "extend", str(way.study), *named, *data])
+    elif way.what == "improve":
+        lines.append(["pliant", "improve", str(way.study), *(["--learned"] if way.learned else []), *data])
+    lines.append(["pliant", "compare", str(way.saved)])
+    return [shlex.join(line) for line in lines]
+
+
+def notebook(way: Way, title: str) -> str:
+    """The same as a Jupyter notebook (nbformat 4.5) without outputs."""
+    files = [str(file) for file in way.data]
+    given = f"data={files!r}" if files else ""
+
+    def call(verb: str, *words: str) -> dict[str, Any]:
+        return _cell("code", f"robot.{verb}({', '.join(filter(None, words))})")
+
+    cells = [
+        _cell("markdown", f"# {title}\n\nMade by `pliant app`. It runs on all runs of the files."),
+        _cell("code", f"import pliant\n\nrobot = pliant.open({str(way.study)!r})\nrobot.compare({given})"),
+    ]
+    if way.diagnosed:
+        cells.append(call("diagnose", given))
+    if way.what == "fit":
+        cells.append(call("extend", *map(repr, way.kinds), given))
+    elif way.what == "improve":
+        cells.append(call("improve", given, "learned=True" if way.learned else ""))
+    cells += [
+        _cell("markdown", "The model that was saved, with the values of the page:"),
+        _cell("code", f"saved = pliant.open({str(way.saved)!r}).compare()\nsaved.plot(interactive=True)"),
+    ]
+    numbered = [{**cell, "id": f"cell-{k}"} for k, cell in enumerate(cells)]
+    kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    whole = {"cells": numbered, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
+    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def _cell(kind: str, text: str) -> dict[str, Any]:
+    cell: dict[str, Any] = {"cell_type": kind, "metadata": {}, "source": text.splitlines(keepends=True)}
+    return cell if kind == "markdown" else {**cell, "execution_count": None, "outputs": []}
+
+
+def saved_page(
+    model: OpenModel,
+    effects: Effects,
+    shown: Mapping[str, Any],
+    lines: Sequence[str],
+) -> str:
+    """The page as one file: `pliant compare`'s report of the present model, with the steps, effects and doubts.
+
+    Args:
+        model, effects: what is looked at.
+        shown: as the page shows it (`Desk.view`'s model).
+        lines: the way as commands.
+    """
+    document = present_document(model, effects)
+    added = [Warned(one) for one in shown["warnings"]]
+    return page(
+        replace(
+            document,
+            kind="Pliant: a saved evidence page",
+            warnings=(*added, *document.warnings),
+            draw=lambda: _with_sections(document.draw(), _steps(shown), _effects(shown), _commands(lines)),
+        )
+    ).html
+
+
+def present_document(model: OpenModel, effects: Effects) -> Document:
+    """`pliant compare` of the model with these effects on the training runs."""
+    found = model.comparison(effects)
+    return comparison_document(model.study.name, model.split.training, model.predicted(effects), found)
+
+
+def _with_sections(drawn: Drawn, *sections: Section) -> Drawn:
+    return replace(drawn, sections=(*sections, *drawn.sections))
+
+
+def _steps(shown: Mapping[str, Any]) -> Section:
+    def text(value: float | None) -> str:
+        return "–" if value is None else number(value, 3)
+
+    rows = [
+        [
+            str(k + 1),
+            step["words"],
+            text(step["aside"]),
+            text(step["error"]),
+            "fitted" if step["fitted"] else "",
+        ]
+        for k, step in enumerate(shown["steps"][: shown["cursor"] + 1])
+    ]
+    head = ["step", "model", "on runs put aside", "on the other runs", ""]
+    note = f"Errors in units of the noise. {shown['aside']}"
+    return Section("The error, step by step", tables=(Table("", head, rows, note, numeric=2),), open=True)
+
+
+def _effects(shown: Mapping[str, Any]) -> Section:
+    sliders = {one["kind"]: one["sliders"] for one in shown["catalogue"]}
+    fit = shown["fit"] or {"estimates": []}
+    told = {(one["kind"], one["parameter"]): one["words"] for one in fit["estimates"]}
+    rows = []
+    for effect in shown["effects"]:
+        for slider in sliders.get(effect["kind"], []):
+            value = f"{number(effect[slider['name']] * slider['factor'], 4)} {slider['unit']}".strip()
+            fitted = told.get((effect["kind"], slider["name"]), "set by hand")
+            rows.append([effect["kind"], slider["words"], value, fitted])
+    if not rows:
+        return Section("Effects of this model", text=("The study has none.",))
+    head = ["effect", "parameter", "value", "as it was fitted"]
+    return Section("Effects of this model", tables=(Table("", head, rows, numeric=9),), open=True)
+
+
+def _commands(lines: Sequence[str]) -> Section:
+    return Section("The same by commands", code="\n".join(lines))

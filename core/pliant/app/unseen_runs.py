@@ -1,0 +1,145 @@
+"""What speaks against effects that were added, judged by runs that no fit has seen, in sentences.
+
+Two models are compared on the same runs block by block (`pliant.diagnosis.unseen`): an effect that does not lower the
+error there by more than that comparison is uncertain of is said to be one that nothing shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pliant.app.open_model import OpenModel
+from pliant.app.page_state import Effects
+from pliant.diagnosis.extension import Extension, Ground
+from pliant.diagnosis.fitting import score
+from pliant.diagnosis.improvement import LEAST_GAIN, Improvement
+from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.unseen import SURE, PredictionGain, block_squares, prediction_gain
+from pliant.evidence.places import Residuals, residuals_of
+from pliant.formatting import listed
+from pliant.interfaces.effect import EffectConfig
+
+# A rise on runs put aside by this share is said.
+RISE = 0.01
+
+
+def aside_gain(
+    model: OpenModel, before: Effects, after: Effects, noise: NoiseView
+) -> tuple[float, float, PredictionGain] | None:
+    """Errors of two models on the runs put aside, over the floors, and the gain of the second; None without runs."""
+    floors = _floors(noise)
+    if not model.split.runs or not floors:
+        return None
+    pair = [_aside(model, effects) for effects in (before, after)]
+    was, now = (score(residuals, noise.floors).over_floor for residuals in pair)
+    return was, now, prediction_gain(*(block_squares(residuals, floors) for residuals in pair))
+
+
+def doubts_aside(
+    model: OpenModel, kinds: Sequence[str], before: Effects, after: Effects, noise: NoiseView
+) -> list[str]:
+    """What the runs put aside say against these kinds, which the second model has and the first has not."""
+    found = aside_gain(model, before, after, noise)
+    if found is None or _earns(found[2]):
+        return []
+    was, now, _ = found
+    if now > (1.0 + RISE) * was:
+        return [
+            f"With {listed(kinds)} the error on the runs put aside rises from {was:.2f} to {now:.2f} times the noise: "
+            "unseen runs become worse."
+        ]
+    return [
+        f"{listed(kinds)}: on the runs put aside the error goes from {was:.2f} to {now:.2f} times the noise, no fall "
+        "of 1 % beyond its uncertainty: unseen runs do not show that it is missing."
+    ]
+
+
+def doubts_by_hand(model: OpenModel, effects: Effects, added: Sequence[str], noise: NoiseView) -> list[str]:
+    """Of effects as a hand has set them, each against the same model without it."""
+    if added and not model.split.runs:
+        return [f"No run is put aside here, so that only a fit tells whether {listed(added)} is missing."]
+    said: list[str] = []
+    for kind in added:
+        rest = tuple(one for one in effects if one["kind"] != kind)
+        said += doubts_aside(model, [kind], rest, effects, noise)
+    return said
+
+
+def doubts_of_fit(
+    model: OpenModel,
+    ground: Ground,
+    begun: Sequence[EffectConfig],
+    found: Extension,
+    without: Mapping[str, Extension],
+) -> list[str]:
+    """Of effects that were fitted on the training runs.
+
+    Args:
+        model: what is open.
+        ground: the training runs.
+        begun: the effects of the model before.
+        found: the fit of all kinds.
+        without: by kind, the fit of the others; empty for one kind.
+    """
+    after = tuple(effect.canonical() for effect in found.effects)
+    cases: list[tuple[list[str], Residuals, Effects]] = [
+        (
+            list(found.kinds),
+            ground.residuals(begun),
+            tuple(effect.canonical() for effect in begun),
+        )
+    ]
+    cases += [
+        ([kind], other.left_out_runs, tuple(effect.canonical() for effect in other.effects))
+        for kind, other in without.items()
+    ]
+    noise, said = model.noise(model.predicted(after)), []
+    for kinds, unseen, before in cases:
+        left_out = _doubt_left_out(found, kinds, unseen)
+        said += [*left_out] if left_out else []
+        aside = doubts_aside(model, kinds, before, after, noise)
+        said += [one for one in aside if not left_out or "become worse" in one]
+    if found.absent:
+        said.append(f"No strength of {listed(found.absent)} is told from zero by these runs.")
+    if not found.fit.converged:
+        said.append("The fit did not settle; believe its numbers less.")
+    return said
+
+
+def doubts_of_steps(model: OpenModel, found: Improvement) -> list[str]:
+    """Of the steps that `pliant improve` took, each against the one before."""
+    if len(found.steps) < 2:
+        return []
+    plain = [tuple(effect.canonical() for effect in step.effects) for step in found.steps]
+    noise, said = model.noise(model.predicted(plain[-1])), []
+    for step, before, after in zip(found.steps[1:], plain[:-1], plain[1:], strict=True):
+        said += doubts_aside(model, step.added, before, after, noise) if step.added else []
+    return said
+
+
+def _doubt_left_out(found: Extension, kinds: Sequence[str], unseen: Residuals) -> list[str]:
+    """Against the errors without these kinds on the same runs, left out of both fits."""
+    floors = _floors(found.noise)
+    gain = prediction_gain(block_squares(unseen, floors), block_squares(found.left_out_runs, floors))
+    if _earns(gain):
+        return []
+    was, left = (score(one, found.noise.floors).over_floor for one in (unseen, found.left_out_runs))
+    return [
+        f"{listed(kinds)}: runs left out of the fit are not predicted better beyond chance ({was:.2f} → {left:.2f} "
+        "times the noise). A smaller fitted error is what any added number gives; take it out again."
+    ]
+
+
+def _earns(gain: PredictionGain) -> bool:
+    """Whether an effect predicts better beyond doubt, and by as much as `pliant improve` asks of a step."""
+    return gain.sure > SURE and gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2
+
+
+def _floors(noise: NoiseView) -> dict[str, float]:
+    return {name: floor.value for name, floor in noise.floors.items() if floor.value > 0.0}
+
+
+def _aside(model: OpenModel, effects: Effects) -> Residuals:
+    """Of the runs put aside alone."""
+    every = residuals_of(model.read, model.predicted(effects))
+    return [{name: every[k][name] for name in model.outputs} for k in model.split.runs]

@@ -1,0 +1,1 @@
+"""Data of the pictures that move on a page, where the still one is drawn by other means."""

@@ -1,0 +1,80 @@
+"""The curve of a learned term over its one covariate, in display units: what its pictures are drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.learned_term import LearnedTerm
+from pliant.diagnosis.learned_words import covariate_words, quantity
+from pliant.mechanics.learned_curve import MARGIN, CurveAxis, basis
+from pliant.records.design import Array
+from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
+
+# Half-width of a central 90 % band in standard deviations.
+NINETY = 1.6449
+POINTS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedCurve:
+    """Attributes:
+    over, what: covariate, and quantity that the term changes, with their display units.
+    x, value, half: (n,) places, values, half-widths of the 90 % band.
+    knots_x, knots: where the term has values, and which.
+    ends: where the data end; beyond them the term dies out.
+    """
+
+    over: ChartAxis
+    what: ChartAxis
+    x: Array
+    value: Array
+    half: Array
+    knots_x: Array
+    knots: Array
+    ends: tuple[float, float]
+
+    @property
+    def chart(self) -> Chart:
+        """The curve that moves; lines mark where the data end."""
+        low, high = self.value - self.half, self.value + self.half
+        height = np.array([low.min(), high.max()])
+        ends = [ChartLine("data end", np.full(2, at), height, colour="#5c6577") for at in self.ends]
+        lines = (
+            *ends,
+            ChartLine("learned term", self.x, self.value, colour="#0072b2", width=2.2),
+            ChartLine("knots", self.knots_x, self.knots, colour="#0072b2", width=0.0, dot=4.0),
+        )
+        bands = (Band("90 % band", self.x, low, high),)
+        return Chart(
+            (Panel(self.over, self.what, lines, bands, "What the learned term adds", zero="#5c6577"),)
+        )
+
+
+def beyond(axis: CurveAxis, count: int) -> Array:
+    """Places over the range and a little more than the margins in which the curve dies out."""
+    more = 1.5 * MARGIN * (axis.high - axis.low)
+    return np.linspace(axis.low - more, axis.high + more, count)
+
+
+def curve_of(found: LearnedTerm) -> LearnedCurve | None:
+    """Over one covariate; None for a term over two."""
+    if len(found.form.axes) != 1:
+        return None
+    (axis,) = found.form.axes
+    label, unit = quantity(found)
+    words = covariate_words(axis, found.drive)
+    x = beyond(axis, POINTS)
+    weights = basis(found.form.axes, [x])
+    sd = np.sqrt(np.einsum("tk,kl,tl->t", weights, found.covariance, weights))
+    return LearnedCurve(
+        ChartAxis(words.label, words.symbol),
+        ChartAxis(label, unit.symbol),
+        x * words.factor,
+        weights @ found.value * unit.factor,
+        NINETY * sd * unit.factor,
+        np.asarray(axis.at) * words.factor,
+        found.value * unit.factor,
+        (axis.low * words.factor, axis.high * words.factor),
+    )

@@ -1,0 +1,106 @@
+"""A robot described in a form: installed kinds appear with their fields, and give the study that one would write."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pliant.app.describing import described, form
+from pliant.app.desk import Desk
+from pliant.app.folder import SessionFolder
+from pliant.config.loading import load_study
+from pliant.errors import UserError
+from pliant.registry.discovery import discover
+
+from .conftest import STUDY, recording
+
+LAW = {"k_n": "1.637e-6", "m_a": "-1.704e-6", "m_e": "0.1012", "b_e": "0.0245"}
+CHAIN = {"modules": "1", "module_length": "80 mm", "module_mass": "40 g"}
+
+
+def ways() -> dict[str, dict]:
+    return {one["way"]: one["blocks"] for one in form(discover())["ways"]}
+
+
+def test_every_installed_family_and_material_appears_with_its_fields() -> None:
+    registry = discover()
+    families = {one["kind"]: one["fields"] for one in ways()["family"]["family"]}
+    assert {"bellow_bending", "pneunet", "three_chamber"} <= set(families)
+    assert "mesh_file" not in families  # a form cannot give it the file that it needs
+    for kind, fields in families.items():
+        model = registry.get("family", kind).config_model()
+        required = {name for name, info in model.model_fields.items() if info.is_required()}
+        assert len([one for one in fields if one["required"]]) == len(required)
+    wall = next(one for one in families["bellow_bending"] if one["name"] == "wall")
+    assert wall["unit"] == "mm" and wall["required"] and "wall" in wall["words"]
+    density = next(
+        field
+        for one in ways()["family"]["material"]
+        if one["kind"] == "neo_hookean"
+        for field in one["fields"]
+        if field["name"] == "density"
+    )
+    assert density["default"] == "1150 kg/m³" and not density["required"]
+
+
+def test_a_described_family_is_the_study_that_one_would_write(tmp_path: Path) -> None:
+    shape = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
+    text = described(
+        {
+            "way": "family",
+            "name": "../a robot!",
+            "weight": False,
+            "family": {"kind": "bellow_bending", **shape},
+            "material": {"kind": "neo_hookean", "shear_modulus": "240 kPa", "density": ""},
+            "fem": {"pressure_max": "15 kPa", "tendon_force_max": ""},
+            "chain": {"modules": "8"},
+        },
+        [],
+    )
+    file = tmp_path / "a.yaml"
+    file.write_text(text)
+    study = load_study(file, discover())
+    assert study.family.wall_m == 1.5e-3 and study.material.shear_modulus_pa == 240e3
+    assert study.fem.pressure_max_pa == 15e3 and study.chain.modules == 8
+    assert study.chain.gravity_m_s2 == (0.0, 0.0, 0.0)
+
+
+def test_a_stated_law_opens_the_model_that_its_study_opens(bench: Path) -> None:
+    made = Desk(SessionFolder(bench / "session"), bench / "store")
+    (made.folder.files / "bench.csv").write_text(recording())
+    made.take("bench.csv")
+    made.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
+    made.bench.wait()
+    assert made.state.pending is None and not made.said
+    by_hand = Desk(SessionFolder(bench / "other"), bench / "store")
+    by_hand.begin(bench / "bend.yaml", [])
+    ours, theirs = (one.view()["model"]["steps"][0] for one in (made, by_hand))
+    assert ours["error"] == pytest.approx(theirs["error"], rel=1e-12)
+    assert "task:" in STUDY  # which a comparison does not need
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"way": "magic"}, "described by one of"),
+        ({"way": "data", "table": "../x.csv"}, "drop the table"),
+        ({"way": "law", "surrogate": {**LAW, "b_e": "zzz"}, "chain": CHAIN}, "b_e"),
+        ({"way": "law", "surrogate": {**LAW, "x" * 50: "1"}, "chain": CHAIN}, "x" * 20),
+        ({"way": "law", "surrogate": LAW, "chain": {**CHAIN, "modules": "1" * 300}}, "longer than"),
+        ({"way": "law", "surrogate": LAW, "chain": [1]}, "names and texts"),
+    ],
+)
+def test_what_cannot_be_is_said_and_leaves_no_file(tmp_path: Path, values: dict, says: str) -> None:
+    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    with pytest.raises(UserError, match=says) as refused:
+        desk.describe(values)
+    assert str(desk.folder.path) not in str(refused.value)
+    assert not list(desk.folder.files.iterdir()) and not desk.state.study
+
+
+def test_texts_of_the_form_stay_texts() -> None:
+    text = described({"way": "law", "surrogate": {"k_n": "1}\nplugins: [evil.py]"}, "chain": CHAIN}, [])
+    assert [line for line in text.splitlines() if line.startswith("plugins")] == []
+    assert json.loads(next(x for x in text.splitlines() if x.startswith("surrogate")).split(": ", 1)[1])

@@ -1,0 +1,89 @@
+"""What a session leaves: commands and a notebook that run, a page that stands alone."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pliant import api
+from pliant.app.desk import Desk
+from pliant.app.leaving import Way, commands, notebook
+from pliant.cli.verbs import app
+from pliant.errors import UserError
+from pliant.notebook.study import StudyHandle
+
+GAIN = ({"kind": "actuation_gain", "gain": 1.25},)
+
+
+def test_the_page_stands_alone_and_says_what_was_doubted(desk: Desk) -> None:
+    desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
+    kept = Path(desk.keep("page")["kept_path"])
+    html = kept.read_text("utf-8")
+    assert "a bias that is not there" in html and "unseen runs become worse" in html
+    assert "17.19" in html  # 0.3 rad, in the degrees of the page
+    shown = desk.view()["model"]["steps"][-1]
+    assert f"{shown['aside']:.3g}" in html
+    assert not re.search(r"(?:src|href)=\"http", html)
+    assert desk.keep("page", "mine")["kept"] == "mine.html" and kept.exists()
+
+
+def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: Path) -> None:
+    desk.step(GAIN, [], "by hand")
+    said = desk.keep("commands")
+    lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
+    assert [line[:2] for line in lines] == [["pliant", "compare"]] * 2
+    told, where = bench / "told.json", [f"--store={bench / 'store'}", f"--out={bench / 'out'}"]
+    out = CliRunner().invoke(app, [*lines[-1][1:], f"--json={told}", *where])
+    assert out.exit_code == 0, out.output
+    found = json.loads(told.read_text())
+    expected = api.compare(api.open_study(said["path"], store=bench / "store"))
+    assert np.isclose(_value(found, "rmse_over_floor"), expected.rmse_over_floor)
+
+
+def _value(found: object, key: str) -> float:
+    """The first of that key, however deep."""
+    if isinstance(found, dict):
+        if key in found and isinstance(found[key], float):
+            return found[key]
+        found = list(found.values())
+    if isinstance(found, list):
+        for one in found:
+            if (inner := _value(one, key)) == inner:
+                return inner
+    return float("nan")
+
+
+def test_a_notebook_is_one_and_its_code_names_what_there_is(tmp_path: Path) -> None:
+    way = Way(
+        tmp_path / "a.yaml", (tmp_path / "b's.csv",), True, "fit", ("leak",), False, tmp_path / "c.yaml"
+    )
+    made = json.loads(notebook(way, "bend"))
+    assert (made["nbformat"], made["nbformat_minor"]) == (4, 5)
+    assert len({cell["id"] for cell in made["cells"]}) == len(made["cells"])
+    code = "\n".join("".join(cell["source"]) for cell in made["cells"] if cell["cell_type"] == "code")
+    compile(code, "notebook", "exec")
+    assert f"robot.extend('leak', data=[{str(way.data[0])!r}])" in code
+    assert all(hasattr(StudyHandle, verb) for verb in re.findall(r"robot\.(\w+)\(", code))
+    improved = notebook(Way(way.study, (), False, "improve", (), True, way.saved), "bend")
+    assert "robot.improve(learned=True)" in improved
+
+
+def test_the_way_of_each_kind_of_work_in_commands(tmp_path: Path) -> None:
+    study, data, saved = tmp_path / "a.yaml", (tmp_path / "b c.csv",), tmp_path / "s.yaml"
+    fitted = commands(Way(study, data, True, "fit", ("leak", "backlash"), False, saved))
+    assert [shlex.split(line)[1] for line in fitted] == ["compare", "diagnose", "extend", "compare"]
+    assert shlex.split(fitted[2])[3:] == ["--effect", "leak", "--effect", "backlash", "--data", str(data[0])]
+    improved = commands(Way(study, (), False, "improve", (), True, saved))
+    assert shlex.split(improved[1]) == ["pliant", "improve", str(study), "--learned"]
+
+
+def test_nothing_else_is_kept(desk: Desk) -> None:
+    with pytest.raises(UserError, match="page, notebook and commands"):
+        desk.keep("../x")
+    assert not list(desk.folder.saved.iterdir())
