@@ -204,8 +204,8 @@ class MeasuredTrackEnv(MeasuredEnv):
 
     Each input's share is a sum of three sines of periods from 2 s down; the targets are where the tip settles there.
     The goal in the observation are the targets of the next three steps from the base in chain lengths (9). Option:
-    `path_m`, points (k, 3), the target of each step from the start on, the last one held. Rewards as of `MeasuredReachEnv`, of
-    the target of the moment. `info`: `ahead_m` (3, 3), the next targets. See `MeasuredEnv`.
+    `path_m`, points (k, 3), the target of each step from the start on, the last one held. Rewards as of
+    `MeasuredReachEnv`, of the target of the moment. `info`: `ahead_m` (3, 3), the next targets. See `MeasuredEnv`.
     """
 
     goal_size: ClassVar[int] = 3 * AHEAD
