@@ -17,8 +17,9 @@ import pytest
 from pliant.cli.plugins import EXAMPLES, create_package
 
 CONTRIB = Path(__file__).parents[2] / "contrib"
-CONTRIB_PACKAGES = ("pliant-eccentric-tube", "pliant-calculix", "pliant-pymoo")
+CONTRIB_PACKAGES = ("pliant-eccentric-tube", "pliant-calculix", "pliant-pymoo", "pliant-warp")
 HAS_PYMOO = importlib.util.find_spec("pymoo") is not None
+HAS_WARP = importlib.util.find_spec("mujoco_warp") is not None
 
 
 def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
@@ -120,7 +121,8 @@ def own_tests(
     report = tmp_path_factory.mktemp("own_tests") / "report.xml"
     imports = f"pythonpath={packages['pliant-calculix'] / 'tests'}"  # as its pyproject.toml says
     options = ["-q", "-p", "no:cacheprovider", "--import-mode=importlib", "--rootdir=/"]
-    ready = [folder for name, folder in packages.items() if name != "pliant-pymoo" or HAS_PYMOO]
+    has = {"pliant-pymoo": HAS_PYMOO, "pliant-warp": HAS_WARP}
+    ready = [folder for name, folder in packages.items() if has.get(name, True)]
     tests = [folder / "tests" for folder in ready]
     options += ["-o", imports, f"--junitxml={report}"]
     done = environment.run("-m", "pytest", *options, *tests, cwd=report.parent)

@@ -9,16 +9,25 @@ from typing import Any
 
 import pytest
 from tests.cli.search_study import BUDGET, STUDY
-from tests.plugins.conftest import CONTRIB, HAS_PYMOO
+from tests.plugins.conftest import CONTRIB, HAS_PYMOO, HAS_WARP
 
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
 
 needs_pymoo = pytest.mark.skipif(not HAS_PYMOO, reason="needs pymoo: pip install pymoo")
-each = pytest.mark.parametrize("name", ["pliant-calculix", pytest.param("pliant-pymoo", marks=needs_pymoo)])
+needs_warp = pytest.mark.skipif(not HAS_WARP, reason="needs mujoco_warp: pip install mujoco-warp")
+each = pytest.mark.parametrize(
+    "name",
+    [
+        "pliant-calculix",
+        pytest.param("pliant-pymoo", marks=needs_pymoo),
+        pytest.param("pliant-warp", marks=needs_warp),
+    ],
+)
 KINDS = {
     "pliant-calculix": {("fem", "calculix")},
     "pliant-pymoo": {("optimizer", "de"), ("optimizer", "nsga2")},
+    "pliant-warp": {("physics", "mujoco_warp")},
 }
 
 
@@ -37,6 +46,8 @@ def test_it_passes_its_own_tests(own_tests: dict[str, list[str]], name: str) -> 
     """Conformance among them. What needs ccx is skipped without it: the decks are judged anyway."""
     if name == "pliant-pymoo" and not HAS_PYMOO:
         pytest.skip("needs pymoo: pip install pymoo")
+    if name == "pliant-warp" and not HAS_WARP:
+        pytest.skip("needs mujoco_warp: pip install mujoco-warp")
     assert set(own_tests[name]) == {"passed"}
 
 

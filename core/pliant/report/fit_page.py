@@ -49,8 +49,8 @@ def fit_drawn(
     """The first law on top; then all of `fitted`, named where they are `several`, those `compared` side by side."""
     if len(fitted[0].law.actuations) > 1:  # pictures are over one actuation: the first, the others at zero
         design = DesignResult(fitted[0].name, None, of_one_input(fitted[0].law), None, None)
-        alone = FinishedRun({}, {}, (), (), ())
-        made, chart = law_picture(alone, design), law_chart(alone, design)
+        plain = FinishedRun({}, {}, (), (), ())
+        made, chart = law_picture(plain, design), law_chart(plain, design)
         caption = f"The law under {design.law.actuation_name} alone, the other inputs at zero."
         return drawn(Picture("fit_law", caption, made, chart), *closing_sections(study, manifests))
     hero, *others = law_pictures(fitted[0])
@@ -72,8 +72,8 @@ def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
         report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
         design = DesignResult(fitted.name, fitted.data.axis(axis), fitted.law, report, fitted.data)
         name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", count)
-        alone = FinishedRun({}, {}, (), (), ())
-        made, chart = law_picture(alone, design), law_chart(alone, design)
+        plain = FinishedRun({}, {}, (), (), ())
+        made, chart = law_picture(plain, design), law_chart(plain, design)
         pictures.append(Picture(name, _law_caption(fitted, axis), made, chart))
     return pictures
 
