@@ -113,3 +113,13 @@ def test_without_evidence_there_is_one_robot(tmp_path: Path) -> None:
         gymnasium.make("pliant/Track-v0", worlds=2)
     with pytest.raises(UserError, match="neither may be negative"):
         gymnasium.make("pliant/Reach-v0", delay_s=-1.0)
+
+
+def test_several_robots_move_beside_each_other(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(STUDY)
+    settings = {"study": tmp_path / "study.yaml", "worlds": 2, "episode_s": 0.2}
+    envs = gymnasium.make_vec("pliant/Track-v0", num_envs=3, **settings)
+    seen, info = envs.reset(seed=[1, 1, 2])
+    np.testing.assert_array_equal(seen[0], seen[1])
+    assert not np.array_equal(seen[0], seen[2]) and info["ahead_m"].shape == (3, 3, 3)
+    envs.close()

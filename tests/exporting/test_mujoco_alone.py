@@ -72,6 +72,19 @@ def test_a_finger_of_eight_modules_under_loads(tmp_path) -> None:
     settled_tips(FINGER, tmp_path, {"pressure_pa": 15e3})
 
 
+def test_a_law_of_two_pressures_takes_both(tmp_path) -> None:
+    """A table of two pressures, its law in every joint, gravity and a load at the tip."""
+    from tests.cli.test_fit_table import two_chambers
+
+    rows = [",".join(map(repr, map(float, row))) for row in two_chambers()]
+    head = "pressure_1_pa,pressure_2_pa,angle_rad,moment_n_m"
+    (tmp_path / "bench.csv").write_text("\n".join([head, *rows]))
+    study = FINGER.replace(LAW, "surrogate: {kind: polynomial, data: bench.csv}\n").replace(
+        "modules: 8", "modules: 4"
+    )
+    settled_tips(study, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, loads=(0.0, 0.01))
+
+
 def test_opposed_chambers_take_two_inputs(tmp_path) -> None:
     settled_tips(OPPOSED, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, (0.0,))
 

@@ -176,7 +176,7 @@ class MeasuredEnv(ChainEnv):
         super().close()
 
 
-class ReachEnv(MeasuredEnv):
+class MeasuredReachEnv(MeasuredEnv):
     """``pliant/Reach-v0``: the target is where this episode's robot settles at a random actuation.
 
     Reward per step: −(distance of the tip to the target) / (chain length) − 0.01 (change of the actuation)².
@@ -199,13 +199,13 @@ class ReachEnv(MeasuredEnv):
         return self._target
 
 
-class TrackEnv(MeasuredEnv):
+class MeasuredTrackEnv(MeasuredEnv):
     """``pliant/Track-v0``: the target moves along a path on which this episode's robot can settle.
 
     Each input's share is a sum of three sines of periods from 2 s down; the targets are where the tip settles there.
     The goal in the observation are the targets of the next three steps from the base in chain lengths (9). Option:
-    `path_m`, points (k, 3), the target of each step from the start on, the last one held. Rewards as of `ReachEnv`, of
-    the target of the moment. `info`: `ahead_m` (3, 3), the next targets. See `MeasuredEnv`.
+    `path_m`, points (k, 3), the target of each step from the start on, the last one held. Rewards as of
+    `MeasuredReachEnv`, of the target of the moment. `info`: `ahead_m` (3, 3), the next targets. See `MeasuredEnv`.
     """
 
     goal_size: ClassVar[int] = 3 * AHEAD
