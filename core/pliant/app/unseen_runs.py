@@ -95,9 +95,13 @@ def doubts_of_fit(
     ]
     noise = model.noise(model.predicted(after))
     said: list[str] = []
-    for kinds, unseen, before in cases:
+    for kinds, unseen, before in reversed(
+        cases
+    ):  # one by one first: of all together only where each earns its place
+        if said and len(kinds) > 1:
+            continue
         left_out = _doubt_left_out(found, kinds, unseen)
-        said += [*left_out] if left_out else []
+        said += left_out
         aside = doubts_aside(model, kinds, before, after, noise)
         said += [one for one in aside if not left_out or "become worse" in one]
     if found.absent:

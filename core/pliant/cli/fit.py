@@ -239,10 +239,12 @@ def _law_line(source: Path, kind: str, out: Path) -> str:
 def _study_text(source: Path, kind: str, law: JointLaw, out: Path) -> str:
     """A study with this law; the chain's numbers are placeholders that it says."""
     name = json.dumps(source.stem)
-    largest = [f"{max(map(float, sides), key=abs):.6g}" for sides in law.domain.actuation.reshape(-1, 2)]
+    boxes = [[float(side) for side in sides] for sides in law.domain.actuation.reshape(-1, 2)]
+    rest = [min(max(0.0, low), high) for low, high in boxes[1:]]  # inputs but the first, nearest to none
+    levels = [f"{value:.6g}" for value in (max(boxes[0], key=abs), *rest)]
     plain = {"pressure_pa": "pressure", "tendon_force_n": "tendon_force"}.get(law.actuation_name)
-    inputs = ", ".join(f"{name}: {value}" for name, value in zip(law.actuations, largest, strict=True))
-    driven = f"{plain}: {largest[0]}" if plain else f"inputs: {{{inputs}}}"
+    inputs = ", ".join(f"{name}: {value}" for name, value in zip(law.actuations, levels, strict=True))
+    driven = f"{plain}: {levels[0]}" if plain else f"inputs: {{{inputs}}}"
     return f"""\
 pliant: 1
 name: {name}
