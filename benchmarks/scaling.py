@@ -1,8 +1,8 @@
 """How far work scales with workers, computed from measured costs: python -m benchmarks.scaling [--most 64]
 
 Measured here, in CPU seconds so that a loaded machine gives the same: what a task takes in its worker (the FEM of the
-first finger's module, a candidate of a small search, a fit of a diagnosis), and what it costs the driver (a job out and a
-result back through dask). Computed: the driver serves workers in turn, one job waits for each (`JobQueue`), and a batch
+first finger's module, a candidate of a small search, a fit of a diagnosis), and what it costs the driver (a job out and
+a result back through dask). Computed: the driver serves workers in turn, one job waits for each (`JobQueue`), and a batch
 ends with its last task. A generation of a search is such a batch: the next one waits for all of it, and asking for and
 telling its candidates is the driver's. Fits of a diagnosis are taken as one batch, which flatters them.
 
@@ -100,20 +100,22 @@ def measured(folder: Path) -> list[Load]:
     between_s, candidate_s = of_a_candidate(folder)
     print(f"a job through dask costs the driver {1e3 * message_s:.2f} ms")
     print(
-        f"FEM of a design {fem_s:.1f} s; a candidate {1e3 * candidate_s:.1f} ms, asking and telling it {1e3 * between_s:.2f} ms"
+        f"FEM of a design {fem_s:.1f} s; a candidate {1e3 * candidate_s:.1f} ms, its driver {1e3 * between_s:.2f} ms"
     )
     print(f"fits of a diagnosis {len(fits)}: {sum(fits):.1f} s, the longest {max(fits):.2f} s")
-    search = Load("", (candidate_s,) * 16, 300, message_s, 16 * between_s)
+
+    def search(many: int, seconds: float, what: str) -> Load:
+        tasks = (seconds,) * many
+        return Load(
+            f"search, {many} at a time, {what} each", tasks, 4860 // many, message_s, many * between_s
+        )
+
+    here = f"{1e3 * candidate_s:.0f} ms"
     return [
         Load("sweep of 200 designs", (fem_s,) * 200, 1, message_s),
-        replace(search, name="search, generations of 16"),
-        replace(
-            search,
-            name="search, generations of 128",
-            tasks=(candidate_s,) * 128,
-            batches=38,
-            between_s=128 * between_s,
-        ),
+        search(16, candidate_s, here),
+        search(128, candidate_s, here),
+        search(128, 0.1, "0.1 s"),
         Load("1 190 diagnoses, one in a worker each", (sum(fits),) * 1190, 1, message_s),
         Load("fits of one diagnosis", fits, 1, message_s),
     ]
