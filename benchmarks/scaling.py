@@ -2,7 +2,7 @@
 
 Measured here, in CPU seconds so that a loaded machine gives the same: what a task takes in its worker (the FEM of the
 first finger's module, a candidate of a small search, a fit of a diagnosis), and what it costs the driver (a job out and
-a result back through dask). Computed: the driver serves workers in turn, one job waits for each (`JobQueue`), and a batch
+a result back through dask). Computed: the driver serves workers in turn, one job waits for each (`JobQueue`); a batch
 ends with its last task. A generation of a search is such a batch: the next one waits for all of it, and asking for and
 telling its candidates is the driver's. Fits of a diagnosis are taken as one batch, which flatters them.
 
