@@ -19,6 +19,7 @@ from benchmarks.real.recordings import missing, runs_of, write_rows
 from scipy.linalg import eigh
 
 from pliant import api
+from pliant.interfaces.effect import Model
 from pliant.mechanics.inertia import mass_matrix
 from pliant.pipeline.simulate import run_task
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
@@ -161,7 +162,9 @@ def study(folder: Path, **said: str) -> api.OpenStudy:
 
 def motion(opened: api.OpenStudy) -> tuple[Rollout, dict[str, Any]]:
     """What the study's task left."""
-    result = api.simulate(opened).engines[0].artifact.value
+    made = api.simulate(opened).engines[0].artifact
+    assert made is not None
+    result = made.value
     return result.rollout, dict(result.metrics)
 
 
@@ -207,10 +210,21 @@ def measured_runs(folder: Path) -> dict[str, dict[str, Any]]:
         found[name] = {
             "compare_rad": float(error),
             "task_rad": metrics["angle_rmse_rad"],
-            "rollout": rollout,
+            "seen": seen_angle(opened, rollout),
+            "time_s": rollout.time_s,
             "read": read,
         }
     return found
+
+
+def seen_angle(opened: api.OpenStudy, rollout: Rollout) -> Array:
+    """(t,) what the sensors of the study's effects make of the motion's angle."""
+    model = Model(api.predictor(opened).chain)
+    for effect in opened.study.effects:
+        model = opened.bench.build("effect", effect).apply(model)
+    true = rollout.joint_angles.sum(axis=(1, 2))
+    said = {"angle_rad": true, "time_s": rollout.time_s, "actuation": rollout.actuation.sum(axis=1)}
+    return np.asarray(model.reported(said)["angle_rad"])
 
 
 def draw(swung: TaskResult, run: dict[str, Any]) -> None:
@@ -228,9 +242,9 @@ def draw(swung: TaskResult, run: dict[str, Any]) -> None:
         f"32 modules let go: {swung.metrics['mode_1_frequency_hz']:.3f} Hz", loc="left", fontsize=10
     )
     left.set_ylabel("bend (°)")
-    time_s, angle = run["rollout"].time_s, run["rollout"].joint_angles.sum(axis=(1, 2))
+    time_s = run["time_s"]
     right.plot(time_s, run["read"], color="black", lw=1.2, label="measured, 9V")
-    right.plot(time_s, angle, color="#2f6fb0", lw=1.0, label="follow_pressure, fitted on 7V")
+    right.plot(time_s, run["seen"], color="#2f6fb0", lw=1.0, label="follow_pressure, fitted on 7V")
     right.set_title(f"two bellows: {run['task_rad']:.4f} rad off (root mean square)", loc="left", fontsize=10)
     right.set_ylabel("bending angle (rad)")
     right.legend(frameon=False, fontsize=8)

@@ -43,9 +43,14 @@ def specs(count: int, protocol: str) -> list[SetSpec]:
 def played(spec: SetSpec, folder: Path, store: Path) -> dict[str, Any]:
     """One user's session on one set."""
     made = make_set(spec)
+    return {"hidden": spec.kind, **on_the_page(made.csv, made.study, made.label["kinds"], folder, store)}
+
+
+def on_the_page(csv: str, study: str, hidden: list[str], folder: Path, store: Path) -> dict[str, Any]:
+    """A user's session on a recording and a study, from an empty page."""
     dropped = [folder / "bench.csv", folder / "robot.yaml"]
-    dropped[0].write_text(made.csv)
-    dropped[1].write_text(made.study)
+    dropped[0].write_text(csv)
+    dropped[1].write_text(study)
     server, address = started(folder / "session", store)
     try:
         with playwright.sync_playwright() as driver:
@@ -53,12 +58,12 @@ def played(spec: SetSpec, folder: Path, store: Path) -> dict[str, Any]:
             page = browser.new_page(viewport={"width": 1500, "height": 1150})
             page.goto(address)
             page.wait_for_selector("#begin:visible", timeout=LONG)
-            found = story(PageUser(page), dropped, made.label["kinds"], store)
+            found = story(PageUser(page), dropped, hidden, store)
             browser.close()
     finally:
         server.terminate()
         server.wait()
-    return {"hidden": spec.kind, **found}
+    return found
 
 
 def story(user: PageUser, dropped: list[Path], hidden: list[str], store: Path) -> dict[str, Any]:

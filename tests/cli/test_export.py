@@ -153,12 +153,31 @@ def test_a_chain_without_a_family_has_no_meshes(pliant, workplace) -> None:
         (["--out", "robot.txt", "--format", "urdff"], "did you mean 'urdf'"),
         (["--out", "/proc/pliant/robot.xml"], "cannot be written"),
         (["--out", "."], "is a folder"),
+        (["--out", "robot.urdf", "--part", "scene"], "--part scene is for MJCF"),
+        (["--out", "robot.xml", "--part", "scene"], "'task'"),
+        (
+            ["task={kind: free_bending, pressure: 1 kPa}", "--out", "robot.xml", "--part", "scene"],
+            "has no scene",
+        ),
     ],
 )
 def test_wrong_input_is_one_sentence(pliant, study, arguments, says) -> None:
     if "urdf" in says and importlib.util.find_spec("pybullet") is None:
         pytest.skip("pybullet is not installed")
     pliant("export", study, *arguments).refused(says)
+
+
+def test_where_the_tip_can_go_is_a_table_and_a_picture(pliant, study, workplace, read) -> None:
+    domain = "surrogate.domain={actuation: [0 kPa, 15 kPa], deformation: [-0.6, 0.7]}"
+    out = ("--format", "reachable", "--out", "reach.csv", "--json", "done.json")
+    pliant("export", study, domain, *out).done()
+    table = np.genfromtxt(workplace / "reach.csv", delimiter=",", names=True)
+    tips = np.stack([table[f"tip_{k}_m"] for k in "xyz"], axis=1)
+    limits = np.array(read("done.json")["limits_m"])
+    np.testing.assert_allclose(limits, np.stack([tips.min(axis=0), tips.max(axis=0)], axis=1), atol=1e-8)
+    assert np.ptp(table["pressure_pa"]) > 0.0 and np.ptp(tips, axis=0).max() > 1e-3
+    assert (workplace / "reach.png").read_bytes()[:4] == b"\x89PNG"
+    pliant("export", study, "--format", "reachable", "--out", "reach.txt").refused("the ending .csv")
 
 
 def test_a_study_without_a_chain_is_refused(pliant, workplace) -> None:

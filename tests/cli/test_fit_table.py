@@ -102,6 +102,30 @@ def test_a_reversed_sign_is_said_and_the_notes_repair_it(pliant, workplace):
     assert "falls with u everywhere" in pliant("fit", "bench.csv").out
 
 
+def two_chambers(n=60, seed=2):
+    """States of τ = g (p₁ − p₂) − k u + c (p₁ + p₂) u at random pressures and angles of a bench, (n, 4)."""
+    p = np.random.default_rng(seed).uniform(0, 15e3, (n, 2))
+    u = np.random.default_rng(seed + 1).uniform(-0.4, 0.4, n)
+    return np.column_stack([p, u, 2e-6 * (p[:, 0] - p[:, 1]) - 0.04 * u - 3e-7 * p.sum(axis=1) * u])
+
+
+def test_a_table_of_several_pressures_becomes_a_law_that_drives_a_chain(pliant, workplace):
+    rows = "\n".join(",".join(map(repr, map(float, row))) for row in two_chambers())
+    (workplace / "bench.csv").write_text(f"pressure_1_pa,pressure_2_pa,angle_rad,moment_n_m\n{rows}\n")
+    done = pliant("fit", "bench.csv", "--out", "law", "--no-learning").done()
+    assert "pressure 1 0" in done.out and "falls with u everywhere" in done.out
+    assert "% of them lie in it" in done.out  # the law has an error bar, and it is looked at
+    found = json.loads((workplace / "law/fit.json").read_text())
+    assert found["parameters"]["actuation_name"] == "pressure_1_pa, pressure_2_pa"
+    assert found["heldout"]["worst_of_range"] < 1e-6
+    study = workplace / "law" / "study.yaml"
+    assert "inputs: {pressure_1_pa: 1" in study.read_text()
+    pushed = ("task.inputs.pressure_1_pa=12 kPa", "task.inputs.pressure_2_pa=4 kPa", "--json", "-")
+    settled = json.loads(pliant("simulate", "law/study.yaml", *pushed).done().out)
+    # g Δp = (k + c Σp) u
+    assert settled["joint_angles_rad"][0] == pytest.approx(2e-6 * 8e3 / (0.04 + 3e-7 * 16e3), rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_table_of_all_axes_is_fitted_as_a_whole(pliant, workplace):
     from tests.pipeline.test_tables import module

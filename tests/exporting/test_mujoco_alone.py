@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from tests.exporting.alone import run_alone
 
 from pliant import api
@@ -71,6 +72,19 @@ def test_a_finger_of_eight_modules_under_loads(tmp_path) -> None:
     settled_tips(FINGER, tmp_path, {"pressure_pa": 15e3})
 
 
+def test_a_law_of_two_pressures_takes_both(tmp_path) -> None:
+    """A table of two pressures, its law in every joint, gravity and a load at the tip."""
+    from tests.cli.test_fit_table import two_chambers
+
+    rows = [",".join(map(repr, map(float, row))) for row in two_chambers()]
+    head = "pressure_1_pa,pressure_2_pa,angle_rad,moment_n_m"
+    (tmp_path / "bench.csv").write_text("\n".join([head, *rows]))
+    study = FINGER.replace(LAW, "surrogate: {kind: polynomial, data: bench.csv}\n").replace(
+        "modules: 8", "modules: 4"
+    )
+    settled_tips(study, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, loads=(0.0, 0.01))
+
+
 def test_opposed_chambers_take_two_inputs(tmp_path) -> None:
     settled_tips(OPPOSED, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, (0.0,))
 
@@ -99,6 +113,67 @@ def test_it_moves_on_its_own_and_leaves_other_models_alone(tmp_path) -> None:
     )
     assert swings[0] < -0.1 and swings[1] > 0.0 and swings[2] < 0.05
     assert spring < 0.2  # the weights alone, against the stiffness at rest
+
+
+ARM = """
+<mujoco model="arm">
+  <compiler angle="degree"/>
+  <option integrator="Euler" timestep="0.004"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 0.1" pos="0 0 -2"/>
+    <body name="upper" pos="0.1 0 1">
+      <joint name="shoulder" axis="0 1 0" armature="1" damping="20"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" density="500"/>
+      <site name="flange" pos="0.4 0 0" euler="0 -20 40"/>
+      <body name="hand" pos="0.4 0.1 0" euler="0 -20 0"/>
+    </body>
+  </worldbody>
+  <actuator><position name="servo" joint="shoulder" kp="2000"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("at", ["flange", "hand"])
+def test_a_finger_on_the_arm_of_somebody_else(tmp_path, at) -> None:
+    """One model: the finger settles where Pliant's does with its base there, and the arm carries its weight."""
+    (tmp_path / "robot.yaml").write_text(FINGER)
+    (tmp_path / "arm.xml").write_text(ARM)
+    opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
+    chain = carried_chain(opened.bench, opened.study).chain
+    Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
+    kind = "site" if at == "flange" else "body"
+    settled, place, turn, tip, names = run_alone(
+        f"import mujoco, robot_law\nmodel, data = robot_law.mount('arm.xml', '{at}', 'left_')\n"
+        "data.ctrl[model.actuator('left_pressure_pa').id] = 12e3\n"
+        "data.ctrl[model.actuator('servo').id] = data.joint('shoulder').qpos[0] = 0.5\n"
+        "settled = robot_law.settle(model, data, tolerance=1e-6, step_s=model.opt.timestep)\n"
+        f"here = data.{kind}('{at}')\n"
+        "said = [settled, list(here.xpos), list(here.xmat), list(data.site('left_tip').xpos),\n"
+        "        [model.body(k).name for k in range(model.nbody)]]",
+        tmp_path,
+    )
+    rotation = np.reshape(turn, (3, 3))
+    mounted = chain.with_(
+        base_position_m=place + rotation @ chain.base_position_m,
+        base_rotation=rotation @ chain.base_rotation,
+    )
+    with Quasistatic(QuasistaticConfig()).build(mounted) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 12e3}))
+        ours = simulation.settle()
+    assert settled and ours.converged and {"hand", "left_base", "left_tip"} <= set(names)
+    assert np.linalg.norm(ours.tip_m - tip) < CLOSE_M
+
+
+def test_a_place_that_the_arm_does_not_have_is_named(tmp_path) -> None:
+    (tmp_path / "robot.yaml").write_text(FINGER)
+    (tmp_path / "arm.xml").write_text(ARM)
+    opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
+    Mujoco(MujocoConfig()).export(carried_chain(opened.bench, opened.study).chain, tmp_path / "robot.xml")
+    said = run_alone(
+        "import robot_law\ntry:\n    robot_law.mount('arm.xml', 'wrist')\nexcept ValueError as e:\n    said = str(e)",
+        tmp_path,
+    )
+    assert said == "arm.xml has no site or body 'wrist'; it has flange, world, upper, hand."
 
 
 EFFECTS = (

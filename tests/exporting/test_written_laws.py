@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.exporting.alone import run_alone
+from tests.mechanics.test_several_actuations import several_law
 from tests.slow import slow_among
-from tests.surrogates.laws import STATED, WAVY, energy_law, network_law, with_a_box
+from tests.surrogates.laws import STATED, WAVY, energy_law, network_law, split, with_a_box
 
 from pliant.errors import UserError
 from pliant.exporting.as_json import READER, as_json
@@ -36,7 +37,13 @@ LAWS: dict[str, JointLaw] = {
 }
 OUTPUTS = ("tau", "dtau_dp", "dtau_du")
 OF_RANGE = 1e-12
-every_law = pytest.mark.parametrize("name", LAWS)
+every_law = pytest.mark.parametrize("name", list(LAWS))
+SEVERAL: dict[str, JointLaw] = {
+    "several": several_law(2, ("y", "z")),
+    "network of several": network_law(3, 4, m=2),
+}
+LAWS |= SEVERAL
+of_several_too = pytest.mark.parametrize("name", list(LAWS))
 
 
 def points(law: JointLaw, count: int = 300) -> tuple[np.ndarray, np.ndarray]:
@@ -44,7 +51,7 @@ def points(law: JointLaw, count: int = 300) -> tuple[np.ndarray, np.ndarray]:
     box = np.clip(np.vstack([law.domain.actuation, law.domain.deformation]), -1.0, 1.5e4)
     reach = np.ptp(box, axis=1) * np.random.default_rng(2).uniform(-0.4, 1.4, (count, len(box)))
     at = box[:, 0] + reach
-    return at[:, 0], at[:, 1:]
+    return split(law, at)
 
 
 def expected(law: JointLaw) -> dict[str, np.ndarray]:
@@ -59,11 +66,11 @@ def require_the_law(law: JointLaw, found: dict[str, np.ndarray], of_range: float
         assert np.abs(theirs - ours).max() <= of_range * np.ptp(ours), name
 
 
-@every_law
+@of_several_too
 def test_the_steps_are_the_law(name) -> None:
     law = LAWS[name]
     p, u = points(law)
-    found = written(law, name).tape.run(p, *u.T)
+    found = written(law, name).tape.run(*np.column_stack([p, u]).T)
     require_the_law(law, {k: np.stack(v, axis=-1) for k, v in found.items()})
 
 
@@ -116,7 +123,7 @@ def test_json_with_its_reader_alone(name, tmp_path) -> None:
     require_the_law(law, said)
 
 
-@every_law
+@of_several_too
 def test_c_alone_one_by_one_and_many_at_once(name, tmp_path) -> None:
     law = LAWS[name]
     text = in_c(written(law, "the law"))
@@ -226,7 +233,7 @@ def of_c(text: str, law: JointLaw, folder: Path) -> dict[str, np.ndarray]:
     p, u = points(law)
     n, a = u.shape
     (folder / "law.h").write_text(text)
-    (folder / "main.c").write_text(MAIN.format(n=n, m=1, a=a))
+    (folder / "main.c").write_text(MAIN.format(n=n, m=len(law.actuations), a=a))
     strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     subprocess.run([compiler, *strict, "main.c", "-o", "main", "-lm"], cwd=folder, check=True)
     rows = "\n".join(" ".join(repr(float(x)) for x in row) for row in np.column_stack([p, u]))
@@ -234,7 +241,7 @@ def of_c(text: str, law: JointLaw, folder: Path) -> dict[str, np.ndarray]:
     table = np.array([line.split() for line in done.stdout.splitlines()], float)
     inside = np.all(law.domain.excess(p, u) == 0.0, axis=1)
     np.testing.assert_array_equal(table[:, -1], inside)
-    widths = [a, a, a * a] * 2
+    widths = [a, a * len(law.actuations), a * a] * 2
     names = [f"{way}_{name}" for way in ("one", "many") for name in OUTPUTS]
     return dict(zip(names, np.split(table[:, :-1], np.cumsum(widths)[:-1], axis=1), strict=True))
 

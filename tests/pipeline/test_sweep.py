@@ -1,6 +1,7 @@
 """Sweeps: every design once, whoever solves; what cannot be had is a record; nothing is solved twice."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -250,18 +251,49 @@ def test_given_pools_and_dask_agree_bit_for_bit_and_a_pool_that_breaks_says_so(t
         api.sweep(opened, pool)
 
 
-def test_a_worker_without_the_store_or_with_other_code_stops_the_sweep_with_its_sentence(
-    tmp_path, monkeypatch
-):
-    opened = bench.opened(tmp_path, GRID)
-    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
-    answer = solve(job(opened, tmp_path))
+def test_a_worker_with_other_code_stops_the_sweep_with_its_sentence(tmp_path):
+    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path))
     assert answer.status == "stop" and "another version" in answer.cause
-    monkeypatch.setattr(
-        sweep, "solve", lambda job, say=None: solve(replace(job, progress="/nowhere/progress"))
-    )
-    with pytest.raises(UserError, match="does not see the store .* shared file system"):
-        api.sweep(opened, workers=1)
+
+
+@pytest.fixture
+def far(tmp_path, monkeypatch):
+    """Workers on a host that does not see the driver's store; its own is `far`."""
+    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
+    monkeypatch.setenv("PLIANT_STORE", str(tmp_path / "far"))
+
+    def elsewhere(job, say=None):
+        return solve(replace(job, store="/nowhere", progress="/nowhere/progress"))
+
+    monkeypatch.setattr(sweep, "solve", elsewhere)
+    return elsewhere
+
+
+def test_artifacts_of_a_host_without_the_store_come_back_as_they_are(tmp_path, log, far):
+    found = api.sweep(bench.opened(tmp_path, GRID), workers=1)
+    assert bench.statuses(found) == ["done"] * 4
+    for outcome in found.outcomes:
+        assert outcome.folder.parent == tmp_path / "store" / "fem"
+        there = tmp_path / "far" / "fem" / outcome.key
+        assert {p.name: p.read_bytes() for p in there.iterdir()} == {
+            p.name: p.read_bytes() for p in outcome.folder.iterdir()
+        }
+    log.unlink()
+    assert all(one.cached for one in api.sweep(bench.opened(tmp_path, GRID), workers=1).outcomes)
+    shutil.rmtree(tmp_path / "store")
+    api.sweep(bench.opened(tmp_path, GRID), workers=1)
+    assert bench.solved(log) == {}  # the host has kept its own
+
+
+def test_what_a_far_worker_sends_is_checked(tmp_path, log, far, monkeypatch):
+    def damaged(job, say=None):
+        answer = far(job)
+        return replace(answer, parcel=answer.parcel[: len(answer.parcel) // 2])
+
+    monkeypatch.setattr(sweep, "solve", damaged)
+    with pytest.raises(UserError, match="cannot be read here"):
+        api.sweep(bench.opened(tmp_path, GRID), workers=1)
+    assert not list((tmp_path / "store" / "fem").glob("*"))
 
 
 DRIVER = """\

@@ -151,6 +151,42 @@ def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, 
         same(read_table(path, axis), replace(data.axis(axis), joint=joint))
 
 
+@pytest.mark.parametrize("axes", [("y",), XYZ])
+@pytest.mark.parametrize(
+    "name", ["pressure_1_pa, pressure_2_pa", "pressure_2_pa, pressure_7_pa, tendon_force_n"]
+)
+def test_a_module_of_several_inputs_is_read_back_to_the_bit(tmp_path: Path, axes, name: str) -> None:
+    data, random, m = module(axes, "y"), np.random.default_rng(3), name.count(",") + 1
+    n, k = len(data), len(axes)
+    data = replace(
+        data,
+        actuation_name=name,
+        actuation=random.uniform(0, 15e3, (n, m)),
+        dtau_dp=random.normal(size=(n, k, m)),
+        travel=random.uniform(size=(n, m)),
+        branch=np.where(data.explored == "y", "free", "constrained"),
+    )
+    path = tmp_path / "fem.csv"
+    write_table(data, path)
+    same(read_module_table(path), data)
+    assert dict(read_module_table(path).design.parameters) == {"wall_m": 1.5e-3, "turns": 4}
+    for one in read_designs_table(path):
+        same(one, data)
+    with pytest.raises(UserError, match=f"driven by {name}.*give the table as 'data' of the whole law"):
+        read_table(path, "y")
+
+
+def test_several_inputs_from_elsewhere_come_in_any_unit(tmp_path: Path) -> None:
+    """Slopes are numbered in the order of the columns, and in the units of what they are of."""
+    head = "p1 (kPa),p2 (bar),theta (deg),M (N*mm),dmoment_dp_1,dmoment_dp_2\n"
+    notes = "rename: {p1 (kPa): pressure_1_pa, p2 (bar): pressure_2_pa, theta (deg): angle_rad, M (N*mm): moment_n_m}"
+    data = read_module_table(table(tmp_path, head + "10,0.2,0,3,5,7\n", notes))
+    assert data.actuation_name == "pressure_1_pa, pressure_2_pa"
+    np.testing.assert_allclose(data.actuation, [[10e3, 20e3]])
+    np.testing.assert_allclose(data.dtau_dp, [[[5e-6, 7e-8]]])
+    assert np.isnan(data.travel).all() and data.travel.shape == (1, 2)
+
+
 def test_nothing_of_several_axes_is_lost(tmp_path: Path) -> None:
     data, path = module(XYZ, "y"), tmp_path / "fem.csv"
     write_table(data, path)
@@ -314,7 +350,18 @@ def test_which_axis_to_read_is_asked_or_said(tmp_path: Path) -> None:
         (f"pressure_pa,angle_rad,moment_nm\n{GOOD}", "'moment_n_m' is missing; the file has 'moment_nm'"),
         (f"pressure_pa,half_angle_rad,moment_n_m\n{GOOD}", "twice the half-module angle"),
         ("pressure_pa,extension_m,moment_n_m\n0,0,0\n", "line 1: column 'force_n' is missing"),
-        (f"pressure_pa,tendon_force_n,angle_rad,moment_n_m\n1,{GOOD}", "one law has one actuation"),
+        (f"tendon_force_n,{HEAD}\n1,{GOOD}", "driven by tendon_force_n, pressure_pa.*takes one actuation"),
+        (f"pressure_1_pa,{HEAD}\n1,{GOOD}", "pressure_pa and pressure_1_pa: number all inputs of a kind"),
+        (
+            f"tendon_force_n,{HEAD},dmoment_dp\n1,{GOOD},1",
+            "does not say by which of tendon_force_n, pressure_pa",
+        ),
+        (f"tendon_force_n,{HEAD},dmoment_dp_3\n1,{GOOD},1", "slope by input 3.*numbers run from 1 to 2"),
+        (f"{HEAD},dmoment_dp_1\n{GOOD},1", "slope by input 1.*leave out '_1'"),
+        (
+            "p1 (kPa),p2 (kPa),angle_rad,moment_n_m\n1,2,0,0\n",
+            r'"p1 \(kPa\)": pressure_1_pa\n  "p2 \(kPa\)": pressure_2_pa',
+        ),
         (f"{HEAD},angle_rad\n{GOOD},1", "column 'angle_rad' stands 2 times"),
         (f"{HEAD}\n{GOOD}\n1,2", "line 3: 2 cells, but the header has 3"),
         (f"{HEAD}\n{GOOD}\n\n# c\n15 kPa,0.1,0.2", "line 5, column pressure_pa: '15 kPa' is not a number"),

@@ -39,17 +39,16 @@ def test_a_worker_builds_its_evaluator_once():
     assert workers._KEPT.evaluator is not kept
 
 
-@pytest.mark.parametrize(
-    ("study", "words"),
-    [
-        (RemoteStudy("{}", (), "/", MODULES, "abc"), "another version"),
-        (RemoteStudy("{}", (), "/nowhere"), "does not see"),
-    ],
-)
-def test_a_worker_elsewhere_says_what_it_lacks(study, words, monkeypatch):
+def test_a_worker_with_other_code_says_so():
+    with pytest.raises(UserError, match="another version"):
+        work(Setup(RemoteStudy("{}", (), "/", MODULES, "abc")), Trial(0, VALUES))
+
+
+def test_a_host_that_does_not_see_the_store_has_its_own(tmp_path, monkeypatch):
     monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
-    with pytest.raises(UserError, match=words):
-        work(Setup(study), Trial(0, VALUES))
+    monkeypatch.setenv("PLIANT_STORE", str(tmp_path))
+    bench, study = RemoteStudy('{"pliant": 1, "name": "far"}', (), "/nowhere").open()
+    assert (bench.store.root, study.name) == (tmp_path, "far")
 
 
 def test_an_outcome_survives_its_journal():

@@ -78,10 +78,10 @@ def energy_law(axes: int) -> EnergyPolynomialLaw:
     )
 
 
-def network_law(k: int, units: int = 12, seed: int = 1) -> NeuralLaw:
-    """A stable law of k axes: units of random directions beside a quadratic form that outweighs them."""
+def network_law(k: int, units: int = 12, seed: int = 1, m: int = 1) -> NeuralLaw:
+    """A stable law of k axes and m inputs: units of random directions beside a quadratic form that outweighs them."""
     random = np.random.default_rng(seed)
-    weights = random.normal(size=(units, 1 + k)) * np.array([1 / 7500, *[2.0] * k])
+    weights = random.normal(size=(units, m + k)) * np.array([*[1 / 7500] * m, *[2.0] * k])
     stiffness = 0.03 * np.eye(k) + 0.005
     factors = 0.01 / units * random.normal(size=units)
     network = Network(
@@ -89,11 +89,13 @@ def network_law(k: int, units: int = 12, seed: int = 1) -> NeuralLaw:
         random.uniform(-1, 1, units),
         factors,
         1e-4 * np.ones(k),
-        1e-6 * np.arange(1, k + 1),
+        1e-6 * (np.arange(1, k + 1) if m == 1 else random.normal(size=(k, m))),
         stiffness,
     )
-    domain = Domain(np.array([0.0, PRESSURE_PA]), np.tile([-0.2, 0.4], (k, 1)))
-    return NeuralLaw(network, domain, AXES[k], "revolute" if k == 1 else "spherical")
+    pressures = np.array([0.0, PRESSURE_PA]) if m == 1 else np.tile([0.0, PRESSURE_PA], (m, 1))
+    domain = Domain(pressures, np.tile([-0.2, 0.4], (k, 1)))
+    name = "pressure_pa" if m == 1 else ", ".join(f"pressure_{j}_pa" for j in range(1, m + 1))
+    return NeuralLaw(network, domain, AXES[k], "revolute" if k == 1 else "spherical", name)
 
 
 def states(
@@ -139,13 +141,22 @@ def with_a_box() -> AxesLaw:
 
 
 def points(law: JointLaw, beyond: float, n: int = 200, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Scattered p (n,) and u (n, k), up to `beyond` box widths outside; limits that a law lacks are those of `BOX`."""
-    box = np.vstack([law.domain.actuation, law.domain.deformation])
-    usual = np.vstack([BOX.actuation, np.repeat(BOX.deformation, len(law.axes), axis=0)])
+    """Scattered p (n,), (n, m) of several, and u (n, k), up to `beyond` box widths outside.
+
+    Limits that a law lacks are those of `BOX`.
+    """
+    box, m = np.vstack([law.domain.actuation, law.domain.deformation]), len(law.actuations)
+    usual = np.vstack([*[BOX.actuation] * m, np.repeat(BOX.deformation, len(law.axes), axis=0)])
     box = np.where(np.isfinite(box), box, usual)
     share = np.random.default_rng(seed).uniform(-beyond, 1 + beyond, (n, len(box)))
     at = box[:, 0] + share * np.ptp(box, axis=1)
-    return at[:, 0], at[:, 1:]
+    return split(law, at)
+
+
+def split(law: JointLaw, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """p (n,), or (n, m) of several, and u (n, k) of places (n, m + k)."""
+    m = len(law.actuations)
+    return at[:, 0 if m == 1 else slice(m)], at[:, m:]
 
 
 def one_by_one(law: JointLaw, p: np.ndarray, u: np.ndarray) -> Effort:
@@ -153,10 +164,11 @@ def one_by_one(law: JointLaw, p: np.ndarray, u: np.ndarray) -> Effort:
     scalar = law.scalar()
     assert scalar is not None
     n, a = u.shape
-    tau, gain, slope = np.full((n, a), 7.0), np.full((n, a), 7.0), np.full((n, a, a), 7.0)
+    tau, gain, slope = np.full((n, a), 7.0), np.full((n, p[0].size * a), 7.0), np.full((n, a, a), 7.0)
     for i in range(n):
-        scalar.function(float(p[i]), u[i], scalar.parameters, tau[i], gain[i], slope[i])
-    return Effort(tau, gain, slope)
+        at = float(p[i]) if p.ndim == 1 else p[i]
+        scalar.function(at, u[i], scalar.parameters, tau[i], gain[i], slope[i])
+    return Effort(tau, gain if p.ndim == 1 else gain.reshape(n, a, -1), slope)
 
 
 def require_same(found: Effort, wanted: Effort, rtol: float = 1e-12) -> None:

@@ -17,6 +17,7 @@ from tests.surrogates.laws import (
     points,
     require_same,
     spatial,
+    split,
     with_a_box,
 )
 
@@ -24,7 +25,7 @@ from pliant.errors import UserError
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import JointLaw, LawRecord
 from pliant.store.codec import decode, encode
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import opposed_table, softening_law, table_of
 from pliant_plugins.physics.compiled.laws import law_address
 from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
@@ -36,8 +37,11 @@ STABLE: dict[str, JointLaw] = {
     "even": replace(WAVY, odd=0.0),
     "stated": STATED["stated"],
     "table": TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    "table of two inputs": TableSurrogate(TableConfig()).fit_module(opposed_table()).law,
     **{f"energy {k}": energy_law(k) for k in AXES},
     **{f"network {k}": network_law(k) for k in AXES},
+    "network of two inputs": network_law(1, m=2),
+    "network of three inputs": network_law(3, m=3),
 }
 LAWS: dict[str, JointLaw] = {
     **STABLE,
@@ -63,11 +67,14 @@ def test_efforts_and_slopes_are_derivatives_of_one_potential(law: JointLaw, beyo
     k = len(law.axes)
     assert [v.shape for v in (effort.tau, effort.dtau_dp, effort.dtau_du)] == [
         (200, k),
-        (200, k),
+        (200, k, *p.shape[1:]),
         (200, k, k),
     ]
-    in_p = (law.evaluate(p + dp, u).tau - law.evaluate(p - dp, u).tau) / (2 * dp)
-    np.testing.assert_allclose(effort.dtau_dp, in_p, rtol=1e-4, atol=1e-4 * np.abs(in_p).max())
+    steps = np.array([dp]) if p.ndim == 1 else dp * np.eye(p.shape[1])
+    for j, step in enumerate(steps):
+        in_p = (law.evaluate(p + step, u).tau - law.evaluate(p - step, u).tau) / (2 * dp)
+        by_p = effort.dtau_dp.reshape(200, k, -1)[:, :, j]
+        np.testing.assert_allclose(by_p, in_p, rtol=1e-4, atol=1e-4 * np.abs(in_p).max())
     for i, step in enumerate(h * np.eye(k)):
         fall = -(law.potential(p, u + step) - law.potential(p, u - step)) / (2 * h)
         in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / (2 * h)
@@ -86,7 +93,7 @@ def test_efforts_and_slopes_are_continuous_across_every_side_of_the_box(law: Joi
             at = np.column_stack(points(law, 0.3, 40))
             at[:, side] = border
             gap = 1e-9 * np.eye(len(box))[side] * np.ptp(at if np.isinf(limits).any() else limits)
-            require_same(*(law.evaluate((at + d)[:, 0], (at + d)[:, 1:]) for d in (-gap, gap)), rtol=1e-6)
+            require_same(*(law.evaluate(*split(law, at + d)) for d in (-gap, gap)), rtol=1e-6)
 
 
 @stable_law
@@ -105,13 +112,14 @@ def test_no_work_over_a_closed_loop_that_leaves_the_box(law: JointLaw) -> None:
     k = len(law.axes)
     path = 0.1 + 0.7 * np.stack([np.cos(turn + 0.7 * i) * np.sin((i + 1) * turn) for i in range(k)], axis=1)
     velocity = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
-    tau = law.evaluate(np.full(len(turn), 9e3), path).tau
+    tau = law.evaluate(9e3 + law.unactuated(len(turn)), path).tau
     assert abs(np.sum(tau * velocity)) < 1e-4 * np.sum(np.abs(tau * velocity))
 
 
 @every_law
 def test_far_away_is_finite_and_flagged(law: JointLaw) -> None:
-    p, u = np.array([1e9, -1e9]), np.outer([1e3, -50.0], np.ones(len(law.axes)))
+    u = np.outer([1e3, -50.0], np.ones(len(law.axes)))
+    p, _ = split(law, np.outer([1e9, -1e9], np.ones(len(law.actuations) + 1)))
     effort = law.evaluate(p, u)
     values = (effort.tau, effort.dtau_dp, effort.dtau_du, law.potential(p, u))
     assert all(np.isfinite(one).all() for one in values)
@@ -125,7 +133,9 @@ def test_the_plain_function_is_the_law_and_compiles(law: JointLaw, beyond: float
     p, u = points(law, beyond, 40, seed=4)
     scalar = law.scalar()
     assert scalar is not None and np.isfinite(scalar.parameters).all()
-    assert law_address(scalar.function) != 0  # numba refuses what an engine could not compile
+    assert (
+        law_address(scalar.function, len(law.actuations)) != 0
+    )  # numba refuses what an engine could not compile
     require_same(one_by_one(law, p, u), law.evaluate(p, u), rtol=1e-9)
 
 

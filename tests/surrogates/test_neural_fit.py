@@ -33,17 +33,19 @@ def fitted() -> FittedLaw:
     return Neural(NeuralConfig(units=UNITS)).fit(read_table(TABLE))
 
 
-@pytest.mark.parametrize("k", [1, 3])
-def test_jacobian_is_the_residuals_derivative(k: int) -> None:
+@pytest.mark.parametrize(("k", "m"), [(1, 1), (3, 1), (2, 3)])
+def test_jacobian_is_the_residuals_derivative(k: int, m: int) -> None:
     random = np.random.default_rng(0)
     n = 7
     slope = random.normal(size=(n, k, k))
     slope[2] = np.nan
     states = States(
-        np.column_stack([1e4 * random.random(n), random.uniform(-0.2, 0.4, (n, k))]),
-        random.normal(size=(n, k)), 1e-4 * random.normal(size=(n, k)), slope,
+        np.column_stack([1e4 * random.random((n, m)), random.uniform(-0.2, 0.4, (n, k))]),
+        random.normal(size=(n, k)), 1e-4 * random.normal(size=(n, k, m)), slope,
     )  # fmt: skip
-    scales = Scales(np.array([5e3, *[0.1] * k]), np.array([5e3, *[0.3] * k]), np.arange(1.0, k + 1))
+    scales = Scales(
+        np.array([*[5e3] * m, *[0.1] * k]), np.array([*[5e3] * m, *[0.3] * k]), np.arange(1.0, k + 1)
+    )
     seen = np.ones((2, n), bool)
     seen[1, :3] = False
     system = ResidualSystem(torch, states, scales, 3, seen)
@@ -59,11 +61,19 @@ def test_jacobian_is_the_residuals_derivative(k: int) -> None:
     np.testing.assert_array_equal(system.jacobian(theta[1:], [1]), jacobian[1:])
     # the networks in SI give what the residuals say, and one does not see what is left out
     for network, of_network, in_sight in zip(theta, system.residual(theta).numpy(), seen, strict=True):
-        missed = (system.network(network).efforts(states.points)[0] - states.tau) / scales.ranges
-        residual = np.full((n, 2 * k + k * (k + 1) // 2), np.nan)
+        tau, gains, _ = system.network(network).efforts(states.points)
+        missed = (tau - states.tau) / scales.ranges
+        residual = np.full((n, system.rows), np.nan)
         residual.ravel()[system.known] = of_network
         wanted = missed * in_sight[:, None] / np.sqrt(in_sight.sum())
         np.testing.assert_allclose(residual[:, :k], wanted, atol=1e-12)
+        if in_sight.all():
+            step = 1e-3 * np.eye(m + k)[:m]
+            ahead, back = (
+                np.stack([system.network(network).efforts(states.points + s)[0] for s in sign * step], axis=2)
+                for sign in (1, -1)
+            )
+            np.testing.assert_allclose(gains, (ahead - back) / 2e-3, rtol=1e-4, atol=1e-9)
 
 
 def test_states_left_out_of_fem_are_met(fitted: FittedLaw) -> None:

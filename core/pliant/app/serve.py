@@ -78,7 +78,9 @@ def warm() -> None:
 def _bound(port: int, exact: bool) -> socket.socket:
     tried = [port] if exact else [*([port] if port else []), *range(FIRST_PORT, FIRST_PORT + TRIED), 0]
     for one in tried:
-        made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        # Named TCP, for asyncio sends small packets at once on such a socket alone: else an answer waits 40 ms for the
+        # acknowledgement of its own head (Nagle's algorithm).
+        made = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             made.bind((LOOPBACK, one))

@@ -93,10 +93,15 @@ def doubts_of_fit(
         ([kind], other.left_out_runs, tuple(effect.canonical() for effect in other.effects))
         for kind, other in without.items()
     ]
-    noise, said = model.noise(model.predicted(after)), []
-    for kinds, unseen, before in cases:
+    noise = model.noise(model.predicted(after))
+    said: list[str] = []
+    for kinds, unseen, before in reversed(
+        cases
+    ):  # one by one first: of all together only where each earns its place
+        if said and len(kinds) > 1:
+            continue
         left_out = _doubt_left_out(found, kinds, unseen)
-        said += [*left_out] if left_out else []
+        said += left_out
         aside = doubts_aside(model, kinds, before, after, noise)
         said += [one for one in aside if not left_out or "become worse" in one]
     if found.absent:
@@ -111,7 +116,8 @@ def doubts_of_steps(model: OpenModel, found: Improvement) -> list[str]:
     if len(found.steps) < 2:
         return []
     plain = [tuple(effect.canonical() for effect in step.effects) for step in found.steps]
-    noise, said = model.noise(model.predicted(plain[-1])), []
+    noise = model.noise(model.predicted(plain[-1]))
+    said: list[str] = []
     for step, before, after in zip(found.steps[1:], plain[:-1], plain[1:], strict=True):
         said += doubts_aside(model, step.added, before, after, noise) if step.added else []
     return said

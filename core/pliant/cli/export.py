@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
+from pliant import api
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
@@ -15,19 +17,21 @@ from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.exporting.law_files import ENDINGS, LAW_FORMATS, write_laws
 from pliant.exporting.written_law import NOT_WRITTEN, has_form
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.task import SceneTask, Task
 from pliant.meshing.stl import write_stl
 from pliant.meshing.surfaces import welded
 from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.motion import drawn_chain, surface_at_rest
-from pliant.pipeline.study import StudyRun, check_study, laws_of_study
+from pliant.pipeline.study import StudyRun, check_study, laws_of_study, physics_of_study
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
 from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
 
 # Endings that do not name their format themselves.
 FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
-STL = "stl"
+STL, SCENE, REACHABLE = "stl", "mjcf", "reachable"
 ACTS = {
     "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
     "inputs. Without it the file is a spring with the stiffness at rest.",
@@ -68,12 +72,16 @@ def export(
         str | None,
         typer.Option(
             "--format",
-            help="mjcf, urdf, stl, c, numpy, torch, jax or json; by the file's ending where it is left out.",
+            help="mjcf, urdf, stl, c, numpy, torch, jax or json, by the file's ending where it is left out; or "
+            "reachable (.csv).",
         ),
     ] = None,
     part: Annotated[
         str,
-        typer.Option("--part", help="stl: 'chain', at rest in the world, or one 'module' in its own frame."),
+        typer.Option(
+            "--part",
+            help="'chain'; stl: one 'module' in its own frame; mjcf: the task's 'scene', fingers and objects.",
+        ),
     ] = "chain",
     scale: Annotated[
         float,
@@ -83,13 +91,17 @@ def export(
     """The robot as MJCF or URDF with its law and surfaces beside it, its law alone, or its surface as STL.
 
     Beside MJCF stands a Python module that lets it act in plain MuJoCo, beside URDF the law as JSON with a reader. The
-    law alone is written as C, NumPy, torch, JAX or JSON. An STL of one module needs no FEM.
+    law alone is written as C, NumPy, torch, JAX or JSON. An STL of one module needs no FEM. The format reachable writes
+    where the tip can go, as a table and as a picture.
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
     loaded = here.study(study, overrides)
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
+    if wanted == REACHABLE:
+        _export_reachable(here, loaded, out)
+        return
     if wanted == STL:
         surface = surface_of(here.bench(), loaded, part, scale)
         check_writable(out.parent)
@@ -97,8 +109,10 @@ def export(
         here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
         here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
         return
-    if part != "chain" or scale != 1.0:
-        raise UserError("--part and --scale are for STL; MJCF and URDF hold the whole chain in metres.")
+    if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
+        raise UserError(
+            "--scale and --part module are for STL, --part scene is for MJCF; other files hold the chain in metres."
+        )
     if wanted in LAW_FORMATS:
         _export_law(here, loaded, out, wanted)
         return
@@ -107,8 +121,11 @@ def export(
     check_writable(out.parent)
     bench = here.bench()
     carried = carried_chain(bench, loaded)
-    looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
-    files = engine.export(carried.chain, out, looks)
+    if part == "scene":
+        files = _write_scene(bench, loaded, carried.chain, engine, out)
+    else:
+        looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
+        files = engine.export(carried.chain, out, looks)
     here.result.update(
         {"files": list(files), "format": engine.capabilities.export, "left_out": carried.left_out}
     )
@@ -123,6 +140,51 @@ def export(
         here.say(ACTS[engine.capabilities.export])
     for sentence in carried.sentences:
         here.say(sentence)
+
+
+def _export_reachable(here: Session, study: Study, out: Path) -> None:
+    """Equilibria over the whole range of the inputs as a table, and a picture beside it."""
+    from pliant.report.figures.reachable import reachable_picture  # matplotlib takes a second to import
+
+    if out.suffix.lower() != ".csv":
+        raise UserError(f"--out {out.name}: the reachable set is a table; give it the ending .csv.")
+    study.need("chain", "a reachable set")
+    check_writable(out.parent)
+    bounds = getattr(study.task, "bounds", None)  # of the task reach
+    inverse = api.inverse(api.OpenStudy(study, here.bench()), bounds)
+    found, picture = inverse.reachable, out.with_suffix(".png")
+    found.write(out)
+    reachable_picture(found, inverse.bounds, picture)
+    outside = int(np.count_nonzero(found.inside == 0))
+    here.result.update(
+        {
+            "files": [out, picture],
+            "format": REACHABLE,
+            "equilibria": len(found.actuation),
+            "outside_data": outside,
+            "limits_m": found.limits_m,
+        }
+    )
+    here.say(f"written  {out} ({len(found.actuation)} equilibria)\nwritten  {picture}")
+    limits = zip("xyz", 1e3 * found.limits_m, strict=True)
+    here.say(f"The tip reaches {', '.join(f'{k} {low:.4g} to {high:.4g} mm' for k, (low, high) in limits)}.")
+    if outside:
+        here.say(f"{outside} of them lie beyond the data of a law.")
+
+
+def _write_scene(
+    bench: Workbench, study: Study, chain: ChainModel, engine: PhysicsBackend, out: Path
+) -> tuple[Path, ...]:
+    """The scene of the study's task; with the settings of the study's engine where that one writes the format."""
+    task: Task | SceneTask = bench.build("task", study.need("task", "a scene"))
+    if not isinstance(task, SceneTask):
+        raise UserError(
+            f"task '{task.config.kind}' has no scene; give a task with contact, such as 'grasp', or leave --part out."
+        )
+    own: PhysicsBackend = bench.build("physics", physics_of_study(bench, study))
+    if own.capabilities.contacts and own.capabilities.export == engine.capabilities.export:
+        engine = own
+    return engine.export_scene(task.scene(chain), out)
 
 
 def _export_law(here: Session, study: Study, out: Path, form: str) -> None:

@@ -240,8 +240,12 @@ def _law_line(source: Path, kind: str, out: Path) -> str:
 def _study_text(source: Path, kind: str, law: JointLaw, out: Path) -> str:
     """A study with this law; the chain's numbers are placeholders that it says."""
     name = json.dumps(source.stem)
-    largest = max((float(side) for side in law.domain.actuation), key=abs)
-    key = "pressure" if law.actuation_name == "pressure_pa" else "tendon_force"
+    boxes = [[float(side) for side in sides] for sides in law.domain.actuation.reshape(-1, 2)]
+    rest = [min(max(0.0, low), high) for low, high in boxes[1:]]  # inputs but the first, nearest to none
+    levels = [f"{value:.6g}" for value in (max(boxes[0], key=abs), *rest)]
+    plain = {"pressure_pa": "pressure", "tendon_force_n": "tendon_force"}.get(law.actuation_name)
+    inputs = ", ".join(f"{name}: {value}" for name, value in zip(law.actuations, levels, strict=True))
+    driven = f"{plain}: {levels[0]}" if plain else f"inputs: {{{inputs}}}"
     return f"""\
 pliant: 1
 name: {name}
@@ -252,5 +256,5 @@ chain:
   # module_mass: 1 g        # needed for gravity
   gravity: [0, 0, 0]        # m/s²; [0, 0, -9.81] with a mass
 physics: {{kind: quasistatic}}
-task: {{kind: free_bending, {key}: {largest:.6g}}}
+task: {{kind: free_bending, {driven}}}
 """

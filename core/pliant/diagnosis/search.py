@@ -141,6 +141,8 @@ SCREENED = 8
 EXCHANGED = 3
 # So many sets that lead their size are asked whether a relative of their equations fits better.
 BENT, BENT_LARGER = 5, 2
+# A hypothesis with so much less log-evidence than the best is not made more exact.
+OUT_OF_REACH = 30.0
 # Steps from sample to sample in which larger sets are screened.
 SCREENING_STEPS = 2
 
@@ -216,19 +218,38 @@ class HypothesisSearch:
         ]
         asked = [EffectSet.of(self.registry, kinds, kinds) for kinds in tried]
         starts = [one.starts(self._known(kinds))[:1] for one, kinds in zip(asked, tried, strict=True)]
-        steps = map(self._steps, tried)
-        with JobQueue(self.executor, self.fitter.fit_from) as queue:
-            done = queue.each([(*one, True) for one in zip(asked, starts, steps, strict=True)])
-            for kinds, one in zip(tried, done, strict=True):
-                fit = one.unwrap()
-                price, n = form_price(fit, table.noise.n_effective), table.noise.n_effective
-                squares = (self.rows[kinds].mean_square, fit.mean_square())
-                before, after = (max(square, LEAST_SQUARE) for square in squares)
-                gain = 0.5 * n * np.log(before / after)
-                if gain + self.rows[kinds].form_price > price:
-                    self._keep(kinds, fit, price)
-                self.tick(" + ".join(kinds) + ", relatives")
+        jobs = zip(asked, starts, map(self._steps, tried), strict=True)
+        found = dict(zip(tried, self._fitted([(*job, False) for job in jobs]), strict=True))
+        n = table.noise.n_effective
+        plain_ones = {kinds: (self.fits[kinds], self.rows[kinds]) for kinds in tried}
+        kept = [kinds for kinds in tried if self._keep_if_it_pays(kinds, found[kinds], n)]
+        evidence = log_evidence(self.table(), self.thresholds)
+        least = max(evidence.values()) - OUT_OF_REACH
+        # In finer steps those alone that may still lead: a rate may ask for many.
+        near = [kinds for kinds in kept if evidence[kinds] > least]
+        again = [(found[kinds].candidate, [found[kinds].x], found[kinds].parts, True) for kinds in near]
+        for kinds, fit in zip(near, self._fitted(again), strict=True):
+            self.fits[kinds], self.rows[kinds] = plain_ones[kinds]
+            self._keep_if_it_pays(kinds, fit, n)
+        for kinds in tried:
+            self.tick(" + ".join(kinds) + ", relatives")
         return leading
+
+    def _fitted(self, jobs: Sequence[tuple[EffectSet, list[Array], int, bool]]) -> list[EffectFit]:
+        """Fits of these jobs, in their order."""
+        with JobQueue(self.executor, self.fitter.fit_from) as queue:
+            return [one.unwrap() for one in queue.each(jobs)]
+
+    def _keep_if_it_pays(self, kinds: Kinds, fit: EffectFit, n_effective: float) -> bool:
+        """Keep a fit with forms where it gains more over the set's row than they cost; whether it does."""
+        price = form_price(fit, n_effective)
+        squares = (self.rows[kinds].mean_square, fit.mean_square())
+        before, after = (max(square, LEAST_SQUARE) for square in squares)
+        gain = 0.5 * n_effective * np.log(before / after)
+        if not gain + self.rows[kinds].form_price > price:
+            return False
+        self._keep(kinds, fit, price)
+        return True
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
         """The base with each of the kinds that promise most beside it, its own parameters free to follow."""

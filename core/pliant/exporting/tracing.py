@@ -96,6 +96,12 @@ class Tracer:
             ) from error
         return [[self.step(value) for value in self.cells[name].ravel()] for name in shapes]
 
+    def work(self, size: int) -> Cells:
+        """An array of the function's own, to be filled."""
+        name = f"work {len(self.cells)}"
+        self.cells[name] = np.zeros(size, object)
+        return Cells(name, (size,))
+
     def step(self, value: Any) -> int:
         """The step of a number or symbol."""
         return value.step if isinstance(value, TracedNumber) else self.build.number(float(value))
@@ -320,6 +326,8 @@ class _Frame:
         match function:
             case ast.Attribute(ast.Name("math"), name):
                 known = getattr(math, name)
+            case ast.Attribute(ast.Name("np"), "empty") if isinstance(arguments[0], int):
+                return self.tracer.work(arguments[0])
         if known is NOTHING:
             raise _cannot(function)
         if known is len and isinstance(arguments[0], Cells):

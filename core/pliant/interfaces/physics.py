@@ -300,6 +300,10 @@ class PhysicsBackend(Configured[PhysicsConfig]):
         """
         raise ContractError(f"{type(self).__name__} writes no files (Capabilities.export is empty)")
 
+    def export_scene(self, scene: Scene, path: Path) -> tuple[Path, ...]:
+        """Write a scene at rest as `export` does a chain; returns all files that were written, `path` first."""
+        raise ContractError(f"{type(self).__name__} writes no scenes")
+
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Equilibria of many chains, each from its straight state; one case after another by default."""
         found = []

@@ -80,7 +80,7 @@ class Surrogate(Configured[SurrogateConfig]):
         if len(names_of(actuation_name)) > 1 and not self.several_actuations:
             raise UserError(
                 f"surrogate '{self.config.kind}' fits laws of one actuation, and this module is driven by "
-                f"{actuation_name}: use surrogate.kind 'polynomial'."
+                f"{actuation_name}: use surrogate.kind 'polynomial' or 'neural'."
             )
 
     @abstractmethod

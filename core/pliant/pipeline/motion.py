@@ -209,6 +209,18 @@ def prepared_chain(bench: Workbench, study: Study) -> tuple[ChainModel, PhysicsB
     Raises:
         UserError: the engine cannot simulate it, or effects act on the input.
     """
+    model, backend, task = prepared_model(bench, study)
+    if model.inputs:
+        raise UserError("effects on the input are not followed here: leave them out of 'effects'.")
+    return model.chain, backend, task
+
+
+def prepared_model(bench: Workbench, study: Study) -> tuple[Model, PhysicsBackend, Any]:
+    """The same with the effects' maps of inputs and readings.
+
+    Raises:
+        UserError: the engine cannot simulate it.
+    """
     chain = chain_of_study(bench, study).chain
     physics = physics_of_study(bench, study)
     backend: PhysicsBackend = bench.build("physics", physics)
@@ -218,9 +230,7 @@ def prepared_chain(bench: Workbench, study: Study) -> tuple[ChainModel, PhysicsB
     for effect in study.effects:
         model = bench.build("effect", effect).apply(model)
     check_terms(backend, model.chain)
-    if model.inputs:
-        raise UserError("effects on the input are not followed here: leave them out of 'effects'.")
-    return model.chain, backend, task
+    return model, backend, task
 
 
 def highest_actuation(study: Study, chain: ChainModel) -> float:

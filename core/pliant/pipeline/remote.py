@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
+import tempfile
 import threading
 import time
 from dataclasses import dataclass
@@ -54,15 +56,15 @@ class RemoteStudy:
         """In a worker.
 
         Raises:
-            UserError: the worker runs other code, or does not see the store.
+            UserError: the worker runs other code.
         """
         if self.code and code_of(self.modules) != self.code:
             raise other_version("")
-        require_seen(Path(self.store), self.store)
+        store = store_seen(Path(self.store), self.store)
         registry = registry_with(self.plugins)
         raw = json.loads(self.study)
         study: Study = study_model(raw, registry).model_validate(raw)
-        return Workbench(registry, ArtifactStore(Path(self.store), study.name)), study
+        return Workbench(registry, ArtifactStore(store, study.name)), study
 
 
 def other_version(how: str) -> UserError:
@@ -73,16 +75,20 @@ def other_version(how: str) -> UserError:
     )
 
 
-def require_seen(folder: Path, store: str) -> None:
-    """Raise `UserError` where a worker does not see a folder of the store; new ones may take a while to show."""
+def store_seen(folder: Path, store: str) -> Path:
+    """The driver's store where this host sees a folder of it, else a store of this host's own.
+
+    What the driver's store has and a host of its own lacks is computed there once. A new folder may take a while to
+    show on a network file system. The host's own is `PLIANT_STORE` there, or a folder for temporary files.
+    """
     until = time.monotonic() + SEEN_WITHIN_S
     while not folder.is_dir():
         if time.monotonic() >= until:
-            raise UserError(
-                f"the worker on {platform.node()} does not see the store {store}; workers need the same folder under "
-                "the same path, on a shared file system (choose it with --store)."
-            )
+            who = os.getuid() if hasattr(os, "getuid") else "own"
+            own = os.environ.get("PLIANT_STORE") or Path(tempfile.gettempdir()) / f"pliant-worker-{who}"
+            return Path(own)
         time.sleep(0.2)  # a network file system
+    return Path(store)
 
 
 def registry_with(plugins: tuple[str, ...]) -> Registry:

@@ -171,13 +171,15 @@ def as_scored(data: ModuleData, report: FitReport) -> ModuleData:
     if np.any(data.role == "check"):
         return data
     scores = np.zeros(len(data), bool)
-    for axis in data.explored_axes():
-        details = report.details.get("axes", {}).get(axis) if len(data.axes) > 1 else report.details
-        scored = (details or {}).get("residuals")
+    explored = data.explored_axes()
+    for axis in explored or data.axes:
+        details = report.details.get("axes", {}).get(axis, {} if len(data.axes) > 1 else report.details)
+        scored = details.get("residuals")
         if not isinstance(scored, Mapping) or "angle_rad" not in scored:
             continue
-        places = set(zip(scored["actuation"], scored["angle_rad"], strict=True))
-        u = data.deformation[:, data.axes.index(axis)]
-        hit = np.array([(p, v) in places for p, v in zip(data.actuation.tolist(), u.tolist(), strict=True)])
-        scores |= hit & (data.explored == axis)
+        at = (np.column_stack([scored["actuation"], scored["angle_rad"]])).tolist()
+        places = set(map(tuple, at))
+        own = np.column_stack([data.actuation, data.deformation[:, data.axes.index(axis)]]).tolist()
+        hit = np.array([tuple(place) in places for place in own])
+        scores |= hit & (data.explored == axis) if explored else hit
     return replace(data, role=np.where(scores, "check", data.role))

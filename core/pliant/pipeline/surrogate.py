@@ -17,7 +17,7 @@ from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
 from pliant.tabular.fem_columns import table_digest
-from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
+from pliant.tabular.fem_reading import holds_whole_states, read_module_table, read_table
 
 REPEATS = 5
 FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give
@@ -49,11 +49,11 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
         return LawStage(stated, None, None, None)
     tables = surrogate.tables()
     table = tables.get("")
-    # States that know all axes: of the FEM stage, or of a table of several axes.
+    # States that know all axes: of the FEM stage, or of a table of several axes or actuations.
     if not tables:
         whole: ModuleData | None = dataset.value if dataset is not None else None
     else:
-        whole = read_module_table(table) if table is not None and has_several_axes(table) else None
+        whole = read_module_table(table) if table is not None and holds_whole_states(table) else None
     data, keys = _data(surrogate, dataset, whole)
 
     def compute(partial: Path) -> Any:
@@ -97,7 +97,7 @@ def _data(
         keys[name] = table_digest(path)
         if whole is None:
             data[axis] = read_table(path, axis or None)
-        else:
+        elif len(whole.actuations) == 1:  # no table of one axis says what several do
             data |= {one: whole.axis(one) for one in whole.explored_axes()}
     if surrogate.needs_fem():
         if dataset is None:

@@ -12,6 +12,7 @@ import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -34,9 +35,10 @@ from pliant.execution.jobs import Finished, JobQueue
 from pliant.execution.progress import Once, ProgressBar
 from pliant.execution.progress_store import JobProgress, progress_store_in
 from pliant.pipeline.dataset import fem_stage
-from pliant.pipeline.remote import other_version, registry_with, require_seen
+from pliant.pipeline.remote import other_version, registry_with, store_seen
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
+from pliant.store.parcel import packed, received
 from pliant.store.store import (
     Artifact,
     ArtifactStore,
@@ -63,7 +65,7 @@ class SweepJob:
         plugins: Python files with kinds of the user's own.
         store: root of the store.
         progress: a folder in the store that the driver made (`ProgressStore`): its presence shows that the store is
-            shared.
+            shared; a worker that does not see it works in a store of its own, and its artifact comes back as bytes.
         key: of the artifact, as the driver's own code and libraries name it.
         waits: whether to wait for another process that computes this design now; else the answer is "busy".
     """
@@ -79,35 +81,44 @@ class SweepJob:
 
 @dataclass(frozen=True)
 class Answer:
-    """How a design ended: `stop` is a mistake that no other design would escape."""
+    """How a design ended: `stop` is a mistake that no other design would escape.
+
+    `parcel` is the artifact as bytes, from a worker that does not see the store.
+    """
 
     status: Status
     cause: str = ""
     wall_s: float = 0.0
     notes: tuple[str, ...] = ()
+    parcel: bytes = b""
 
 
 def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
     """Solve one design in a worker, unless the store has it; `say` hears of its states where that is this process.
 
-    The worker finds its own plugins and opens the store by its path. It never raises: whatever happens to a design is
-    an answer.
+    The worker finds its own plugins and opens the store by its path, or one of its own host. It never raises:
+    whatever happens to a design is an answer.
     """
     started = time.perf_counter()
     progress: JobProgress | None = None
     status: Status = "stop"
+    parcel = b""
     try:
-        require_seen(Path(job.progress), job.store)
-        progress = JobProgress(Path(job.progress) / str(job.number), say)
-        store = ArtifactStore(Path(job.store))
-        if not job.waits and store.computed_elsewhere("fem", job.key):
-            return Answer("busy")
-        status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
+        store = ArtifactStore(store_seen(Path(job.progress), job.store))
+        shared = store.root == Path(job.store)
+        with tempfile.TemporaryDirectory() if not shared else nullcontext(job.progress) as folder:
+            progress = JobProgress(Path(folder) / str(job.number), say)
+            if not job.waits and store.computed_elsewhere("fem", job.key):
+                return Answer("busy")
+            status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
+        if status == "done" and not shared:
+            parcel = packed(store.root / "fem" / job.key)
     except PliantError as error:
         cause = str(error)
     except OSError as error:  # the folder or the store went away
-        cause = f"worker on {platform.node()}: {error}."
-    return Answer(status, cause, time.perf_counter() - started, tuple(progress.notes) if progress else ())
+        status, cause = "stop", f"worker on {platform.node()}: {error}."
+    notes = tuple(progress.notes) if progress else ()
+    return Answer(status, cause, time.perf_counter() - started, notes, parcel)
 
 
 def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
@@ -326,6 +337,8 @@ def _run(
             return
         design, key = missing[number]
         if answer.status == "done":
+            if answer.parcel:
+                _take_in(answer.parcel, root / "fem" / key)
             outcomes[number] = DesignOutcome.of(design, _arrived(root / "fem" / key), cached=False)
         else:
             outcomes[number] = DesignOutcome(design, answer.status, answer.cause, wall_s=answer.wall_s)
@@ -347,6 +360,14 @@ def _run(
                 take(one, queue)
             bar.describe(progress.states(job.number for job in queue.running))
     return outcomes
+
+
+def _take_in(parcel: bytes, folder: Path) -> None:
+    """Put what a worker on another host sent into the store."""
+    try:
+        received(parcel, folder)
+    except CorruptedError as error:
+        raise UserError(f"{folder.name}: a worker's artifact cannot be read here ({error}).") from None
 
 
 def _arrived(folder: Path) -> Artifact:

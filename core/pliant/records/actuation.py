@@ -48,6 +48,11 @@ class ActuationKind:
         """Whether an input of this name is of this kind."""
         return re.fullmatch(rf"{re.escape(self.quantity)}(_\d+)?{re.escape(self.suffix)}", name) is not None
 
+    def matches_travel(self, name: str) -> bool:
+        """Whether a travel of this name, numbered or not, is this kind's."""
+        stem, _, unit = self.travel.rpartition("_")
+        return re.fullmatch(rf"{re.escape(stem)}(_\d+)?_{re.escape(unit)}", name) is not None
+
     def travel_of(self, name: str) -> str:
         """The travel's name with the number of the input: volume_change_2_m3 of pressure_2_pa."""
         number = name.removeprefix(self.quantity).removesuffix(self.suffix)
@@ -98,6 +103,11 @@ def kind_of(name: str) -> ActuationKind:
 def is_known(name: str) -> bool:
     """Whether an input's name is of a known kind."""
     return any(kind.matches(name) for kind in _KINDS.values())
+
+
+def is_travel(name: str) -> bool:
+    """Whether a name is of what a known kind works on."""
+    return any(kind.matches_travel(name) for kind in _KINDS.values())
 
 
 def expected() -> str:

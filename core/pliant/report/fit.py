@@ -36,7 +36,7 @@ from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
+from pliant.tabular.fem_reading import holds_whole_states, read_module_table, read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"
@@ -181,12 +181,13 @@ def fitted_law(
     Raises:
         UserError: the law is stated by coefficients, so that there is no fit to report.
     """
-    if stage.report is None or stage.artifact is None or (data is None and stage.data is None):
+    surrogate: Surrogate = bench.build("surrogate", config)
+    known = data is not None or stage.data is not None or bool(surrogate.tables())
+    if stage.report is None or stage.artifact is None or not known:
         raise UserError(
             f"the law of '{name}' is stated by its coefficients: there is no fit, so leave out --out, or let "
             "'surrogate' fit FEM states or a table."
         )
-    surrogate: Surrogate = bench.build("surrogate", config)
     data = as_scored(_of_tables(surrogate, stage) if data is None else data, stage.report)
     curve = None
     if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
@@ -229,7 +230,7 @@ def _of_tables(surrogate: Surrogate, stage: LawStage) -> ModuleData:
     """The states of the config's own tables: one of one axis or of several, or one for each axis."""
     tables = surrogate.tables()
     path = tables.get("")
-    if path is not None and has_several_axes(path):
+    if path is not None and holds_whole_states(path):
         return read_module_table(path)
     if tables and path is None:
         return module_of_axes({axis: read_table(one, axis) for axis, one in tables.items()}, stage.law.axes)
@@ -328,9 +329,12 @@ def _table_lines(source: Path, fitted: ReportedLaw) -> list[str]:
     """Size and span of a table's states."""
     law, report = fitted.law, fitted.report
     count = report.n_fitted + report.n_heldout
-    name = split_unit(law.actuation_name)[0].replace("_", " ")
-    span = _span(law.domain.actuation, actuation_unit(law.actuation_name))
-    lines = [f"table    {source}: {count} states, {name} {span}"]
+    sides = law.domain.actuation.reshape(-1, 2)
+    spans = [
+        f"{split_unit(name)[0].replace('_', ' ')} {_span(side, actuation_unit(name))}"
+        for name, side in zip(law.actuations, sides, strict=True)
+    ]
+    lines = [f"table    {source}: {count} states, {listed(spans)}"]
     unit = deformation_unit(law)
     for axis, sides in zip(law.axes, law.domain.deformation, strict=True):
         lines.append(f"         {axis}: u from {_span(sides, unit)}")
@@ -355,10 +359,19 @@ def _band_lines(fitted: ReportedLaw, band: Mapping[str, Any]) -> list[str]:
             f"the median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
         ]
     given, u, slope = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
+    largest = fitted.report.details.get("largest_slope")
+    if len(law.actuations) > 1 and isinstance(largest, float) and largest >= 0:
+        lines.append(f"unstable ∂τ/∂u reaches {slope.factor * largest:+.2g} {slope.symbol} in the domain")
+        return lines + _left_out(fitted)
     lines += [
         f"unstable axis {one['axis']}: ∂τ/∂u = {slope.factor * one['slope']:+.2g} {slope.symbol} at "
         f"{given.text(one['actuation'])}, {u.text(one['deformation'])}"
         for one in unstable_places(law)
     ] or ["stable   the effort falls with u everywhere in the domain"]
+    return lines + _left_out(fitted)
+
+
+def _left_out(fitted: ReportedLaw) -> list[str]:
+    """States that took no part, and why."""
     excluded = fitted.report.details.get("excluded") or {}
-    return lines + [f"left out {count} states: {reason}" for reason, count in excluded.items()]
+    return [f"left out {count} states: {reason}" for reason, count in excluded.items()]

@@ -233,15 +233,15 @@ def _read_designs(
             designs.append(DesignResult(name, None, law, None))
             continue
         law = surrogate.load(fit.value["law"])
+        if len(law.actuations) > 1:
+            designs.append(_of_several(name, law, fit.value["report"]))
+            continue
         table = _foreign_table(number)
         if table in index["tables"]:
             data: FemDataset | None = read_table(folder / table)
             module = None
         else:
             source = artifacts[f"fem{number}"]
-            if len(law.actuations) > 1:
-                designs.append(_of_several(name, law, fit.value["report"]))
-                continue
             data, module = _main(source), source.value
         designs.append(DesignResult(name, data, law, fit.value["report"], module))
     return tuple(designs)

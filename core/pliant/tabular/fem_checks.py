@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.records.actuation import kind_of
 from pliant.records.design import Array
 
 # A soft robot's largest pressure lies between these; a gauge in kPa or a pressure in mPa does not.
@@ -27,23 +28,23 @@ def check_actuation(path: Path, name: str, values: Array, stated: Container[str]
     largest = float(np.abs(values).max())
     if len(values) < FEWEST or name in stated:
         return
-    beside = f"into {notes} beside it"
-    if name == "tendon_force_n" and largest > MOST_N:
+    beside, kind = f"into {notes} beside it", kind_of(name).name
+    if kind == "tendon_force_n" and largest > MOST_N:
         raise UserError(
-            f"{path}: column tendon_force_n reaches {largest:g} N; is it in mN? Write {beside} the line "
-            "'units: {tendon_force_n: mN}', or 'units: {tendon_force_n: N}' if it is right."
+            f"{path}: column {name} reaches {largest:g} N; is it in mN? Write {beside} the line "
+            f"'units: {{{name}: mN}}', or 'units: {{{name}: N}}' if it is right."
         )
-    if name == "pressure_pa" and largest > MOST_PA:
+    if kind == "pressure_pa" and largest > MOST_PA:
         raise UserError(
-            f"{path}: column pressure_pa reaches {largest:g} Pa ({largest / 1e6:g} MPa), which no soft robot bears; "
-            f"correct it, or write 'units: {{pressure_pa: Pa}}' {beside} if it is right."
+            f"{path}: column {name} reaches {largest:g} Pa ({largest / 1e6:g} MPa), which no soft robot bears; "
+            f"correct it, or write 'units: {{{name}: Pa}}' {beside} if it is right."
         )
-    if name == "pressure_pa" and 0 < largest < LEAST_PA:
+    if kind == "pressure_pa" and 0 < largest < LEAST_PA:
         in_kpa = largest >= LEAST_IN_KPA
         guess, asked = ("kPa", "is it in kPa?") if in_kpa else ("MPa", "is it in MPa, or in bar?")
         raise UserError(
-            f"{path}: column pressure_pa reaches only {largest:g} Pa; {asked} Write {beside} the line "
-            f"'units: {{pressure_pa: {guess}}}', or 'units: {{pressure_pa: Pa}}' if it is right."
+            f"{path}: column {name} reaches only {largest:g} Pa; {asked} Write {beside} the line "
+            f"'units: {{{name}: {guess}}}', or 'units: {{{name}: Pa}}' if it is right."
         )
 
 
@@ -52,14 +53,14 @@ def check_slopes(
 ) -> None:
     """Raise `UserError` where a column of slopes contradicts how the effort changes between neighbouring states.
 
-    Neighbours along `along` have the same `fixed`; between two of them the effort changes by the mean of
+    Neighbours along `along` (n,) have the same `fixed` (n, f); between two of them the effort changes by the mean of
     their slopes times the step, to second order. A sign or a unit that is wrong misses by much more.
     """
     (effort_name, efforts), (slope_name, slopes) = of, stated
     there = np.flatnonzero(np.isfinite(slopes))
-    order = there[np.lexsort((slopes[there], efforts[there], along[there], fixed[there]))]
+    order = there[np.lexsort((slopes[there], efforts[there], along[there], *fixed[there].T))]
     a, b = order[:-1], order[1:]
-    steps = (fixed[a] == fixed[b]) & (along[a] < along[b])
+    steps = np.all(fixed[a] == fixed[b], axis=1) & (along[a] < along[b])
     a, b = a[steps], b[steps]
     changes = efforts[b] - efforts[a]
     told = (slopes[a] + slopes[b]) / 2 * (along[b] - along[a])
@@ -74,14 +75,15 @@ def check_slopes(
     )
 
 
-def check_agreement(path: Path, lines: Sequence[int], p: Named, u: Named, effort: Named) -> None:
+def check_agreement(path: Path, lines: Sequence[int], at: Sequence[Named], effort: Named) -> None:
     """Raise `UserError` with the lines of two states that are at one place and have other efforts."""
     allowed = CONTRADICTION * np.ptp(effort[1])
-    first: dict[tuple[float, float], tuple[float, int]] = {}
-    for *place, moment, line in zip(p[1], u[1], effort[1], lines, strict=True):
-        other, before = first.setdefault((place[0], place[1]), (moment, line))
+    first: dict[tuple[float, ...], tuple[float, int]] = {}
+    for *place, moment, line in zip(*(values for _, values in at), effort[1], lines, strict=True):
+        other, before = first.setdefault(tuple(place), (moment, line))
         if abs(moment - other) > allowed:
+            where = " and ".join(f"{name} = {value:g}" for (name, _), value in zip(at, place, strict=True))
             raise UserError(
-                f"{path}, lines {before} and {line} contradict each other: at {p[0]} = {place[0]:g} and {u[0]} = "
-                f"{place[1]:g} one has {effort[0]} = {other:g}, the other {moment:g}"
+                f"{path}, lines {before} and {line} contradict each other: at {where} one has {effort[0]} = {other:g}, "
+                f"the other {moment:g}"
             )

@@ -15,13 +15,13 @@ from pydantic import Field
 
 from pliant.config.measurements import ColumnNotes, Name
 from pliant.errors import UserError
+from pliant.records.actuation import is_known, is_travel, kind_of
 from pliant.records.law import JointKind
-from pliant.tabular.names import lines_to_write, proposed
+from pliant.tabular.names import bare, lines_to_write, meanings, proposed
 from pliant.tabular.schema import check_named, noted, notes_beside
 from pliant.tabular.units import conversion, stem, unit_in
 
-ACTUATIONS = ("pressure_pa", "tendon_force_n")
-TRAVELS = {"pressure_pa": "volume_change_m3", "tendon_force_n": "tendon_travel_m"}
+ACTUATIONS = ("pressure_pa", "tendon_force_n")  # what a header without any is asked for
 LABELS = ("branch", "status", "role")
 EFFORTS = ("iterations", "wall_s")  # of the solver
 ALL = "all"  # axis of a state in which several are held
@@ -32,10 +32,8 @@ UNITS = {
     **{"extension_m": "m", "force_n": "N"},
 }
 _OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyz]_(rad|m|n_m|n)")
-_SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d([pu])(_[xyz])?")
-_OF_AXES = re.compile(
-    r"(angle_[xyz]_rad|extension_[xyz]_m|moment_[xyz]_n_m|force_[xyz]_n|d(moment|force)_[xyz]_d(p|u_[xyz]))"
-)
+_SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d(?:p(?:_([1-9]\d*))?|u(_[xyz])?)")
+_OF_AXES = re.compile(r"angle_[xyz]_rad|extension_[xyz]_m|moment_[xyz]_n_m|force_[xyz]_n")
 
 
 class StateColumns(NamedTuple):
@@ -52,22 +50,29 @@ class StateColumns(NamedTuple):
         fields = ("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
         return dict(zip((*self, "energy_j"), fields, strict=True))
 
-    def of_axes(self, axes: Sequence[str]) -> list[str]:
-        """Columns of all axes: u, τ, ∂τ/∂p, then ∂τ_i/∂u_j row by row."""
+    def of_axes(self, axes: Sequence[str], inputs: int = 1) -> list[str]:
+        """Columns of all axes: u, τ, ∂τ_i/∂p (∂τ_i/∂a_j row by row of several inputs), ∂τ_i/∂u_j row by row."""
         (u, u_unit), (m, m_unit) = (name.split("_", 1) for name in self[:2])
         return [
             *(f"{u}_{i}_{u_unit}" for i in axes),
             *(f"{m}_{i}_{m_unit}" for i in axes),
-            *(f"d{m}_{i}_dp" for i in axes),
+            *(name for i in axes for name in by_inputs(f"d{m}_{i}_dp", inputs)),
             *(f"d{m}_{i}_du_{j}" for i in axes for j in axes),
         ]
+
+    def of_one(self, inputs: int = 1) -> list[str]:
+        """Columns of the only axis, or of the main one: u, τ, ∂τ/∂p (by each of several inputs), ∂τ/∂u."""
+        return [*self[:2], *by_inputs(self.by_actuation, inputs), self.by_deformation]
+
+
+def by_inputs(slope: str, inputs: int) -> list[str]:
+    """Columns of a slope by all inputs: numbered, in the order of the inputs' columns, where there are several."""
+    return [slope] if inputs == 1 else [f"{slope}_{place}" for place in range(1, inputs + 1)]
 
 
 REVOLUTE = StateColumns("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du")
 PRISMATIC = StateColumns("extension_m", "force_n", "dforce_dp", "dforce_du")
-KNOWN = frozenset(
-    (*ACTUATIONS, *TRAVELS.values(), *WORDS, *LABELS, *EFFORTS, *REVOLUTE.numbers, *PRISMATIC.numbers)
-)
+KNOWN = frozenset((*WORDS, *LABELS, *EFFORTS, *REVOLUTE.numbers, *PRISMATIC.numbers))
 
 
 def names_of(joint: JointKind) -> StateColumns:
@@ -77,7 +82,25 @@ def names_of(joint: JointKind) -> StateColumns:
 
 def is_data(name: str) -> bool:
     """Whether a column holds data, so that it is no parameter of the design."""
-    return name in KNOWN or _OF_AXES.fullmatch(name) is not None
+    patterns = (_OF_AXES, _SLOPE)
+    return (
+        name in KNOWN
+        or is_known(name)
+        or is_travel(name)
+        or any(pattern.fullmatch(name) is not None for pattern in patterns)
+    )
+
+
+def si_unit_of(name: str) -> str | None:
+    """SI unit of an input, or of u or the effort, of one axis of several too; None for other columns."""
+    plain = _plain(name)
+    return kind_of(plain).unit if is_known(plain) else UNITS.get(plain)
+
+
+def place_of_slope(name: str) -> int | None:
+    """Which input a column is a slope by: 1 for the first, 0 where it has no number; None for other columns."""
+    slope = _SLOPE.fullmatch(name)
+    return int(slope[3] or 0) if slope is not None and "_dp" in name else None
 
 
 class TableNotes(ColumnNotes):
@@ -120,7 +143,7 @@ class StateHeader:
         check_named(path, self.file, "units", notes.units, [*written, *stems, *notes.rename.values()])
         renamed = [noted(notes.rename, *both) for both in zip(written, stems, strict=True)]
         self.names = [
-            new or (plain if plain in UNITS else name)
+            new or (plain if plain in UNITS or is_known(plain) else name)
             for name, plain, new in zip(written, stems, renamed, strict=True)
         ]
         check_named(path, self.file, "between", notes.between, self.names)
@@ -135,11 +158,17 @@ class StateHeader:
                 self.factors[name] *= -1
         for name in self.factors:
             if slope := _SLOPE.fullmatch(name):
-                self.factors[name] = self._of_slope(*slope.groups())
+                self.factors[name] = self._of_slope(slope)
+
+    @property
+    def inputs(self) -> list[str]:
+        """The columns that drive the module, in their order."""
+        return [name for name in self.names if is_known(name)]
 
     def _convert(self, path: Path, name: str, written: str, plain: str) -> None:
         key = next((key for key in (written, plain, name) if key in self.notes.units), None)
-        if _plain(name) not in UNITS:
+        si = si_unit_of(name)
+        if si is None:
             if key is not None:
                 slope = "; a slope is in the units of its columns" if _SLOPE.fullmatch(name) else ""
                 raise UserError(
@@ -150,30 +179,42 @@ class StateHeader:
             where = f"{self.file}: 'units' of '{key}'" if key else f"{path}: column '{written}'"
             where += f", which is taken for {name}"
             self.stated[name] = unit
-            self.factors[name] = conversion(unit, UNITS[_plain(name)], where)[0]
+            self.factors[name] = conversion(unit, si, where)[0]
 
-    def _of_slope(self, effort: str, axis: str | None, by: str, along: str | None) -> float:
+    def _of_slope(self, slope: re.Match[str]) -> float:
         """Factor to SI of a slope, which is in the units and signs of the columns that it is of."""
+        effort, axis, place, along = slope.groups()
         names = REVOLUTE if effort == "moment" else PRISMATIC
         u, of = (name.split("_", 1) for name in names[:2])
-        inputs = [name for name in ACTUATIONS if name in self.factors]
-        divisor = (inputs or [""])[0] if by == "p" else f"{u[0]}{along or ''}_{u[1]}"
+        of_input = [*self.inputs, ""][int(place or 1) - 1 : int(place or 1)]
+        divisor = "".join(of_input) if "_dp" in slope[0] else f"{u[0]}{along or ''}_{u[1]}"
         return self.factors.get(f"{of[0]}{axis or ''}_{of[1]}", 1.0) / self.factors.get(divisor, 1.0)
+
+    @property
+    def _free(self) -> list[str]:
+        return [name for name, known in zip(self.written, self.names, strict=True) if not is_data(known)]
+
+    def asked_inputs(self) -> Sequence[str]:
+        """What a header without inputs is asked for: numbered ones where its words number several."""
+        meant = {one for name in self._free for one in meanings(bare(name))}
+        numbered = sorted(f"{one}_pa" for one in meant if re.fullmatch(r"pressure_\d+", one))
+        return numbered if len(numbered) > 1 else ACTUATIONS
 
     def lines_to_write(self, path: Path, needed: Sequence[str]) -> str:
         """The YAML that would map the header: what names and units tell, then the other columns in their order.
 
         With it stands what no header says: whether an angle is that of half a module, which way a moment acts.
         """
-        free = [name for name, known in zip(self.written, self.names, strict=True) if known not in KNOWN]
-        rename, units = proposed(free, {name: UNITS[name] for name in needed if name not in self.written})
+        free = self._free
+        asked = {name: si_unit_of(name) or "" for name in needed if name not in self.written}
+        rename, units = proposed(free, asked)
         lacking = [name for name in needed if name not in rename.values() and name not in ACTUATIONS]
         if set(ACTUATIONS) <= set(needed) and not set(ACTUATIONS) & set(rename.values()):
             lacking.insert(0, ACTUATIONS[0])
         for name, meant in zip([name for name in free if name not in rename], lacking, strict=False):
             rename[name] = meant
             if unit_in(name) is None:
-                units[name] = f"{UNITS[meant]}  # or another unit: the file does not say"
+                units[name] = f"{asked[meant]}  # or another unit: the file does not say"
         more = []
         if of_angle := [name for name, meant in rename.items() if meant == "angle_rad"]:
             half = "half" in of_angle[0].lower()

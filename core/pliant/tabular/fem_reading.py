@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError, closest
+from pliant.records.actuation import is_known, joined, kind_of
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.tabular import fem_checks
@@ -22,11 +23,11 @@ from pliant.tabular.fem_columns import (
     LABELS,
     PRISMATIC,
     REVOLUTE,
-    TRAVELS,
     WORDS,
     StateColumns,
     StateHeader,
     is_data,
+    place_of_slope,
     table_notes,
 )
 from pliant.tabular.opening import open_sheet
@@ -41,10 +42,11 @@ Value = float | int | str | bool
 
 
 def read_table(path: Path, axis: str | None = None) -> FemDataset:
-    """Read states from a CSV with a header, in SI.
+    """Read states of one axis under one actuation from a CSV with a header, in SI.
 
-    Needs `pressure_pa` or `tendon_force_n`, `angle_rad` (the joint angle of a module) and `moment_n_m` (the
-    external moment that opposes the actuation), or `extension_m` and `force_n` of a prismatic joint. May have
+    Needs `pressure_pa`, `tendon_force_n` or another known input, `angle_rad` (the joint angle of a module) and
+    `moment_n_m` (the external moment that opposes the actuation), or `extension_m` and `force_n` of a prismatic joint.
+    May have
     `dmoment_dp`, `dmoment_du` (`dforce_dp`, `dforce_du`), `energy_j` (blank = missing = NaN), `branch` (else free
     where the moment is 0), `status` (else ok), `role` (else fit) and `axis` (else y, or x of a prismatic joint).
     Any other column that holds one number throughout is a design parameter; the rest is ignored. Lines that
@@ -55,25 +57,22 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
         path: the file.
         axis: which axis to take where the table has several; a table of one axis is read whatever it says.
 
-    Raises `UserError` with the file and the line.
+    Raises `UserError` with the file and the line, and for several actuations (`read_module_table` reads those).
     """
     table = _opened(path)
+    if len(table.inputs) > 1:
+        raise UserError(
+            f"{table.path}: the module is driven by {joined(table.inputs)}, and the law of one axis by itself takes "
+            "one actuation: give the table as 'data' of the whole law."
+        )
     found, table = _of_axis(table, axis)
-    names, actuation = table.names, table.actuation
+    names, actuation = table.names, table.inputs[0]
     values: dict[str, Any] = {
         field: table.numbers(name, name in (actuation, *names[:2]))
         for name, field in {actuation: "actuation", **names.numbers}.items()
     }
     if "status" not in table.cells:  # Pliant's own tables are taken as they are
-        p, u, effort = (
-            (name, values[field])
-            for name, field in ((actuation, "actuation"), *list(names.numbers.items())[:2])
-        )
-        fem_checks.check_actuation(table.path, *p, table.header.stated, table.header.file)
-        fem_checks.check_agreement(table.path, table.lines, p, u, effort)
-        by_p, by_u = ((name, values[names.numbers[name]]) for name in names[2:])
-        fem_checks.check_slopes(table.path, table.lines, u[1], p[1], effort, by_u)
-        fem_checks.check_slopes(table.path, table.lines, p[1], u[1], effort, by_p)
+        _check_plausible(table, [values["actuation"]], [values[names.numbers[name]] for name in names])
     every = [name for name in table.cells if name and not is_data(name)]
     design = {name: value for name, value in table.constants(every).items() if not isinstance(value, str)}
     return FemDataset(
@@ -89,9 +88,10 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
 def read_module_table(path: Path) -> ModuleData:
     """The states of one design as `write_table` wrote them, to the bit: all rows, those of axis "all" too.
 
-    A table of one axis may come from elsewhere (`read_table` has its columns); what it lacks is NaN, 0 iterations.
-    The main axis is the one of the first state with branch "free". Shapes, failures and the sampling are not in a
-    table.
+    Every column of a known input (`pressure_1_pa`, `pressure_2_pa`) is an actuation, in the columns' order; slopes by
+    several are numbered in that order, `dmoment_dp_1`. A table of one axis may come from elsewhere (`read_table` has
+    its columns); what it lacks is NaN, 0 iterations. The main axis is the one of the first state with branch "free".
+    Shapes, failures and the sampling are not in a table.
 
     Raises `UserError` with the file and the line.
     """
@@ -133,9 +133,10 @@ def read_labelled_designs(path: Path) -> list[tuple[str, ModuleData]]:
     ]
 
 
-def has_several_axes(path: Path) -> bool:
-    """Whether a table has u and the effort of all axes of a spherical joint."""
-    return len(_opened(path).axes) > 1
+def holds_whole_states(path: Path) -> bool:
+    """Whether a table has u and the effort of all axes of a spherical joint, or several actuations."""
+    table = _opened(path)
+    return len(table.axes) > 1 or len(table.inputs) > 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +154,9 @@ class StateTable:
         return PRISMATIC if any(name in self.cells for name in PRISMATIC[:2]) else REVOLUTE
 
     @property
-    def actuation(self) -> str:
-        return next(name for name in ACTUATIONS if name in self.cells)
+    def inputs(self) -> list[str]:
+        """Columns of what drives the module, in their order."""
+        return [name for name in self.cells if is_known(name)]
 
     @property
     def axes(self) -> list[str]:
@@ -280,15 +282,15 @@ def _problem(path: Path, header: StateHeader) -> str:
     if repeated := sorted({name for name in columns if columns.count(name) > 1}):
         both = [w for w, name in zip(header.written, columns, strict=True) if name == repeated[0]]
         return f"columns {' and '.join(map(repr, both))} both mean {repeated[0]}; keep one"
-    given = [name for name in ACTUATIONS if name in columns]
-    if len(given) > 1:
-        return "the table has pressure_pa and tendon_force_n; one law has one actuation"
+    given = header.inputs
+    if problem := _slope_problem(columns, given):
+        return problem
     unknown = [name for name in columns if not is_data(name)]
     names = PRISMATIC if any(name in columns for name in PRISMATIC[:2]) else REVOLUTE
     missing = [name for name in names[:2] if name not in columns]
     if given and not missing:
         return ""
-    lines = header.lines_to_write(path, [*(() if given else ACTUATIONS), *missing])
+    lines = header.lines_to_write(path, [*(() if given else header.asked_inputs()), *missing])
     asked = ASKED if lines else ""
     hints = [
         closest(name, unknown).replace("did you mean", "the file has").replace("?", ".")
@@ -299,6 +301,41 @@ def _problem(path: Path, header: StateHeader) -> str:
     if "angle_rad" in missing and any("half" in name and "angle" in name for name in unknown):
         return f"column 'angle_rad' is missing: it is the joint angle of a module, twice the half-module angle{lines}"
     return f"column '{missing[0]}' is missing{hints[0]}{asked}{lines}"
+
+
+def _slope_problem(columns: Sequence[str], given: Sequence[str]) -> str:
+    """What is wrong with inputs and with the numbers of slopes by them, or an empty text."""
+    for kind in {kind_of(name) for name in given}:
+        numbered = [name for name in given if kind.matches(name) and name != kind.name]
+        if numbered and kind.name in given:
+            return f"the table has {kind.name} and {numbered[0]}: number all inputs of a kind, or the only one not"
+    for name in columns:
+        place = place_of_slope(name)
+        if given and place == 0 and len(given) > 1:
+            return f"column '{name}' does not say by which of {joined(given)}: number them in this order, {name}_1, …"
+        if place and given and (place > len(given) or len(given) == 1):
+            fit = f"leave out '_{place}'" if len(given) == 1 else f"numbers run from 1 to {len(given)}"
+            return f"column '{name}' is a slope by input {place}, and the inputs are {joined(given)}: {fit}"
+    return ""
+
+
+def _check_plausible(table: StateTable, p: Sequence[Array], of_one: Sequence[Array]) -> None:
+    """Raise `UserError` where states of one axis contradict what is plausible or each other (`fem_checks`).
+
+    Args:
+        p: values (n,) of each input.
+        of_one: values of the columns `StateColumns.of_one`.
+    """
+    path, lines, inputs = table.path, table.lines, table.inputs
+    u_name, effort_name, *slopes = table.names.of_one(len(inputs))
+    for name, values in zip(inputs, p, strict=True):
+        fem_checks.check_actuation(path, name, values, table.header.stated, table.header.file)
+    effort, places = (effort_name, of_one[1]), [*p, of_one[0]]
+    fem_checks.check_agreement(path, lines, list(zip([*inputs, u_name], places, strict=True)), effort)
+    for along in (len(inputs), *range(len(inputs))):
+        slope = (slopes[-1], of_one[-1]) if along == len(inputs) else (slopes[along], of_one[2 + along])
+        fixed = np.column_stack([one for d, one in enumerate(places) if d != along])
+        fem_checks.check_slopes(path, lines, places[along], fixed, effort, slope)
 
 
 def _of_axis(table: StateTable, wanted: str | None) -> tuple[str, StateTable]:
@@ -333,24 +370,27 @@ def _module(table: StateTable) -> ModuleData:
             )
     # all axes are free on the free branch of the one that actuation drives, so only that one has such states
     free = [str(axis) for axis in explored[labels["branch"] == "free"] if axis in axes]
-    n, k = len(table.lines), len(axes)
-    columns = list(names) if k == 1 else names.of_axes(axes)
+    n, k, m = len(table.lines), len(axes), len(table.inputs)
+    columns = names.of_one(m) if k == 1 else names.of_axes(axes, m)
     numbers = np.column_stack([table.numbers(name, name in columns[: 2 * k]) for name in columns])
-    u, tau, by_p, by_u = np.split(numbers, [k, 2 * k, 3 * k], axis=1)
-    actuation = table.actuation
+    u, tau, by_p, by_u = np.split(numbers, [k, 2 * k, (2 + m) * k], axis=1)
+    actuation = [table.numbers(name, needed=True) for name in table.inputs]
+    travel = [table.numbers(kind_of(name).travel_of(name)) for name in table.inputs]
+    if m > 1 and k == 1 and "status" not in table.cells:
+        _check_plausible(table, actuation, list(numbers.T))
     return ModuleData(
         design=Design(FAMILY, table.constants(table.parameters)),
         joint="spherical" if k > 1 else "prismatic" if names is PRISMATIC else "revolute",
         axes=axes,
         main_axis=free[0] if free else "y" if "y" in axes else axes[0],
-        actuation_name=actuation,
-        actuation=table.numbers(actuation, needed=True),
+        actuation_name=joined(table.inputs),
+        actuation=actuation[0] if m == 1 else np.column_stack(actuation),
         deformation=u,
         tau=tau,
-        dtau_dp=by_p,
+        dtau_dp=by_p if m == 1 else by_p.reshape(n, k, m),
         dtau_du=by_u.reshape(n, k, k),
         energy_j=table.numbers("energy_j"),
-        travel=table.numbers(TRAVELS[actuation]),
+        travel=travel[0] if m == 1 else np.column_stack(travel),
         iterations=np.nan_to_num(table.numbers("iterations")).astype(np.int64),
         wall_s=table.numbers("wall_s"),
         explored=np.where(explored == ALL, COUPLING, explored),

@@ -15,7 +15,7 @@ from pliant.records.actuation import kind_of
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.store.store import write_atomically
-from pliant.tabular.fem_columns import ALL, EFFORTS, LABELS, TRAVELS, is_data, names_of
+from pliant.tabular.fem_columns import ALL, EFFORTS, LABELS, is_data, names_of
 
 
 def write_table(dataset: FemDataset | ModuleData, path: Path) -> None:
@@ -65,7 +65,7 @@ def _of_module(data: ModuleData) -> dict[str, Any]:
         law = data.axis(axis)
         for part, field in zip(own, names.numbers.values(), strict=False):
             part[data.explored == axis] = getattr(law, field)
-    travel = {TRAVELS[data.actuation_name]: data.travel} if data.actuation_name in TRAVELS else {}
+    travel = {kind_of(data.actuation_name).travel_of(data.actuation_name): data.travel}
     columns = {
         data.actuation_name: data.actuation,
         "axis": [axis if axis in data.axes else ALL for axis in map(str, data.explored)],
@@ -83,27 +83,28 @@ def _of_module(data: ModuleData) -> dict[str, Any]:
 def _of_several(data: ModuleData) -> dict[str, Any]:
     """Column → values of a module under several actuations: of the main axis, then of all where there are more."""
     names, main, k = names_of(data.joint), data.axes.index(data.main_axis), len(data.axes)
-    numbers = [str(place) for place in range(1, len(data.actuations) + 1)]
-    u, tau, by_p, by_u = names[:4]
+    n, m = len(data), len(data.actuations)
+    own = [
+        data.deformation[:, main],
+        data.tau[:, main],
+        *data.dtau_dp[:, main].T,
+        data.dtau_du[:, main, main],
+    ]
     columns = {
         **dict(zip(data.actuations, data.actuation.T, strict=True)),
         "axis": [axis if axis in data.axes else ALL for axis in map(str, data.explored)],
-        u: data.deformation[:, main],
-        tau: data.tau[:, main],
-        **{f"{by_p}_{n}": column for n, column in zip(numbers, data.dtau_dp[:, main].T, strict=True)},
-        by_u: data.dtau_du[:, main, main],
+        **dict(zip(names.of_one(m), own, strict=True)),
         "energy_j": data.energy_j,
         **{name: getattr(data, name) for name in LABELS},
-        **{kind_of(n).travel_of(n): t for n, t in zip(data.actuations, data.travel.T, strict=True)},
+        **{
+            kind_of(name).travel_of(name): one
+            for name, one in zip(data.actuations, data.travel.T, strict=True)
+        },
         **{name: getattr(data, name) for name in EFFORTS},
     }
     if k > 1:
-        of_axes = names.of_axes(data.axes)
-        slopes = [f"{name}_{n}" for name in of_axes[2 * k : 3 * k] for n in numbers]
-        n = len(data)
         parts = (data.deformation, data.tau, data.dtau_dp.reshape(n, -1), data.dtau_du.reshape(n, k * k))
-        named = (*of_axes[: 2 * k], *slopes, *of_axes[3 * k :])
-        columns |= zip(named, np.concatenate(parts, axis=1).T, strict=True)
+        columns |= zip(names.of_axes(data.axes, m), np.concatenate(parts, axis=1).T, strict=True)
     return columns
 
 

@@ -30,13 +30,16 @@ def stored(value: T) -> T:
 
 
 def require_exact_slopes(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
-    """∂τ/∂p and ∂τ/∂u are those of central differences, with shapes (n, a) and (n, a, a)."""
+    """∂τ/∂p and ∂τ/∂u are those of central differences, with shapes (n, a) and (n, a, a); (n, a, m) of m pressures."""
     effort = law.evaluate(p, u)
     n, a = u.shape
     shapes = [getattr(effort, name).shape for name in EFFORTS]
-    require(shapes == [(n, a), (n, a), (n, a, a)], f"tau, dtau_dp and dtau_du{whose} have shapes {shapes}")
-    in_p = (law.evaluate(p + 1.0, u).tau - law.evaluate(p - 1.0, u).tau) / 2
-    agree(effort.dtau_dp, in_p, f"dtau_dp{whose} is not the slope of tau", rtol=rtol)
+    wanted = [(n, a), (n, a, *p.shape[1:]), (n, a, a)]
+    require(shapes == wanted, f"tau, dtau_dp and dtau_du{whose} have shapes {shapes}")
+    steps = np.eye(p.shape[1]) if p.ndim > 1 else np.ones(1)
+    in_p = np.stack([(law.evaluate(p + d, u).tau - law.evaluate(p - d, u).tau) / 2 for d in steps], axis=-1)
+    by_p = effort.dtau_dp.reshape(in_p.shape)
+    agree(by_p, in_p, f"dtau_dp{whose} is not the slope of tau", rtol=rtol)
     for j, step in enumerate(1e-5 * np.eye(a)):
         in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / 2e-5
         agree(effort.dtau_du[:, :, j], in_u, f"dtau_du{whose} is not the slope of tau", rtol=rtol)
@@ -63,6 +66,8 @@ def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
 def require_finite_outside(law: JointLaw) -> None:
     """A law of one axis answers outside its domain with finite numbers, and flags the excess."""
     p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.5], [0.2], [-1.2], [1.5]])
+    if (m := len(law.actuations)) > 1:
+        p = np.column_stack([p, *[np.zeros(len(p))] * (m - 1)])
     effort = law.evaluate(p, u)
     finite = all(np.all(np.isfinite(getattr(effort, name))) for name in EFFORTS)
     require(

@@ -78,6 +78,66 @@ class SofteningLaw(JointLaw):
         return LawRecord("softening_sample", values, {})
 
 
+@dataclass(frozen=True, eq=False)
+class OpposedLaw(JointLaw):
+    """Two chambers that bend to either side and stiffen: τ = g (p₁ − p₂) − (K + c (p₁ + p₂)) u − q u³."""
+
+    domain: Domain
+    gain: float = 1.6e-6
+    stiffness: float = 0.03
+    stiffening: float = 4e-7
+    cubic: float = 0.02
+    joint: JointKind = "revolute"
+    axes: tuple[str, ...] = ("y",)
+    actuation_name: str = "pressure_1_pa, pressure_2_pa"
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        p, u = np.asarray(actuation, float), np.asarray(deformation, float)
+        held = (self.stiffness + self.stiffening * p.sum(axis=1))[:, None]
+        tau = self.gain * (p[:, :1] - p[:, 1:]) - held * u - self.cubic * u**3
+        by_p = np.stack([self.gain - self.stiffening * u, -self.gain - self.stiffening * u], axis=2)
+        return Effort(tau, by_p, (-held - 3 * self.cubic * u**2)[:, :, None])
+
+    def record(self) -> LawRecord:
+        names = ("gain", "stiffness", "stiffening", "cubic")
+        return LawRecord("opposed_sample", {name: getattr(self, name) for name in names}, {})
+
+
+def opposed_law() -> OpposedLaw:
+    """The law of two chambers, without limits."""
+    return OpposedLaw(Domain(np.tile([-np.inf, np.inf], (2, 1)), np.array([[-np.inf, np.inf]])))
+
+
+def opposed_table(count: int = 80) -> ModuleData:
+    """Scattered states of `opposed_law`, corners of the box among them, every fifth of role "check"."""
+    random, law = np.random.default_rng(5), opposed_law()
+    corners = np.array(list(product((0.0, 1.0), repeat=3)))
+    at = np.vstack([corners, random.random((count - len(corners), 3))])
+    p, u = PRESSURE_PA * at[:, :2], -0.4 + 0.8 * at[:, 2:]
+    effort, n = law.evaluate(p, u), len(at)
+    role = np.where((np.arange(n) % 5 == 4) & (np.arange(n) >= len(corners)), "check", "fit")
+    return ModuleData(
+        design=Design("sample", {}),
+        joint=law.joint,
+        axes=law.axes,
+        main_axis="y",
+        actuation_name=law.actuation_name,
+        actuation=p,
+        deformation=u,
+        tau=effort.tau,
+        dtau_dp=effort.dtau_dp,
+        dtau_du=effort.dtau_du,
+        energy_j=np.full(n, np.nan),
+        travel=np.full((n, 2), np.nan),
+        iterations=np.zeros(n, np.int64),
+        wall_s=np.zeros(n),
+        explored=np.full(n, "y"),
+        branch=np.full(n, "constrained"),
+        status=np.full(n, "ok"),
+        role=role,
+    )
+
+
 def linear_law(gain: float = 8e-7, stiffness: float = 0.04, domain: Domain | None = None) -> LinearLaw:
     """A hinge that bends by g p / k under the pressure p."""
     box = domain or Domain.unbounded(1)

@@ -19,7 +19,15 @@ from pliant.testing.joint_laws import (
     require_same_bits,
     stored,
 )
-from pliant.testing.samples import coupled_law, linear_law, module_table_of, softening_law, table_of
+from pliant.testing.samples import (
+    coupled_law,
+    linear_law,
+    module_table_of,
+    opposed_law,
+    opposed_table,
+    softening_law,
+    table_of,
+)
 
 # States of a law with curvature and a little scatter, so that no form fits them exactly, and points inside their box.
 DATA = table_of(softening_law(), noise_n_m=2e-5)
@@ -191,3 +199,22 @@ def couples_the_axes_of_a_joint(subject: Subject) -> None:
         agree(effort.tau[:, k], truth.tau[:, k], finding, atol=0.02 * float(np.ptp(data.tau[:, k])))
     finding = "∂τ_i/∂u_j differs from ∂τ_j/∂u_i: the law has no potential and can create energy"
     agree(effort.dtau_du, np.swapaxes(effort.dtau_du, 1, 2), finding, atol=1e-9)
+
+
+def carries_several_actuations(subject: Subject) -> None:
+    """a surrogate that says so gives laws of several pressures: values, slopes by each, an energy, a record."""
+    surrogate, data = _surrogate(subject), opposed_table()
+    if not surrogate.several_actuations:
+        raise CheckSkipped(f"{subject.component.label} fits laws of one actuation")
+    law, check = surrogate.fit_module(data).law, data.rows(data.role == "check")
+    named = f"the law's actuations are {law.actuation_name}, the data's {data.actuation_name}"
+    require(law.actuation_name == data.actuation_name, named)
+    p, u = check.actuation, check.deformation
+    finding = "τ (N·m) of a law of two pressures is off: are both of them fitted, each with its own slope?"
+    allowed = 0.02 * float(np.ptp(data.tau))
+    agree(law.evaluate(p, u).tau, opposed_law().evaluate(p, u).tau, finding, atol=allowed)
+    require_exact_slopes(law, p, u, rtol=1e-4)
+    require_potential(law, p, u, rtol=1e-4)
+    require_joints_apart(law, p, u)
+    require_finite_outside(law)
+    require_same_bits(law, surrogate.load(stored(law.record())), p, u)

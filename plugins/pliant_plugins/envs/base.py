@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pliant.api import DEFAULT_STORE, open_study
 from pliant.errors import UserError
+from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.viewer import Picture, View
 from pliant.pipeline.motion import drawn_chain, highest_actuation, prepared_chain
 from pliant.pipeline.study import StudyRun, laws_of_study
@@ -85,7 +86,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self.opened = open_study(study or STUDIES / f"{self.default_study}.yaml", store=stored())
         loaded = self.opened.study
         self.task: Any  # a subclass may need a kind of its own
-        self.chain, self.backend, self.task = prepared_chain(self.opened.bench, loaded)
+        self.chain, self.backend, self.task = self._prepared()
         if not self.backend.capabilities.dynamic:
             raise UserError(
                 f"an environment steps through time and physics '{self.backend.config.kind}' has equilibria only; "
@@ -98,6 +99,10 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self._highest = np.full(len(self.inputs), float(top))
         self._share = self._before = np.zeros(len(self.inputs))
         self._build()
+
+    def _prepared(self) -> tuple[ChainModel, PhysicsBackend, Any]:
+        """Chain with loads and effects, engine, task."""
+        return prepared_chain(self.opened.bench, self.opened.study)
 
     def _actuation(self, share: Array) -> dict[str, float]:
         """Inputs at shares (k,) of their highest values."""

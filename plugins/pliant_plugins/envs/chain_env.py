@@ -43,15 +43,18 @@ class ChainEnv(SoftRobotEnv):
     def _build(self) -> None:
         self.simulation = self.backend.build(self.chain)
         self._rest = self.simulation.snapshot()
-        # Equilibria, by which goals are drawn: the engines agree, and Newton is the quickest.
-        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
-        equilibria: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
-        self._statics = equilibria.build(self.chain)
+        self._statics = self._quasistatic().build(self.chain)
         self._straight = self._statics.snapshot()
         self._length_m = self.chain.length_m
         self._markers = self.simulation.markers()
         size_seen = 2 * self._rest.position.size + 3 + len(self.inputs) + self.goal_size
         self._set_spaces(len(self.inputs), size_seen)
+
+    def _quasistatic(self) -> PhysicsBackend:
+        """Equilibria, by which goals are drawn: the engines agree, and Newton is the quickest."""
+        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
+        backend: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
+        return backend
 
     def _begin(self, options: dict[str, Any]) -> None:
         self._ask(options)

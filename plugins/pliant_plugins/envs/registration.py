@@ -9,6 +9,8 @@ ENVIRONMENTS = {
     "pliant/HelicalHang-v0": f"{HERE}.chain_env:HelicalHangEnv",
     "pliant/TendonFinger-v0": f"{HERE}.chain_env:TendonFingerEnv",
     "pliant/FollowShape-v0": f"{HERE}.chain_env:FollowShapeEnv",
+    "pliant/Reach-v0": f"{HERE}.control:MeasuredReachEnv",
+    "pliant/Track-v0": f"{HERE}.control:MeasuredTrackEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }
 # Needs a study, and is no robot that moves.

@@ -181,7 +181,10 @@ class TableAxesConfig(FrozenModel):
 
 
 class TableConfig(SurrogateConfig):
-    """A law interpolated from measurements or FEM, of one axis, or `axes`: three of them for a spherical joint."""
+    """A law interpolated from measurements or FEM, of one axis, or `axes`: three of them for a spherical joint.
+
+    Of one axis it may have up to three actuations.
+    """
 
     kind: Literal["table"] = "table"
     axes: TableAxesConfig | None = Field(
@@ -197,7 +200,7 @@ class TableConfig(SurrogateConfig):
 
 
 class NeuralConfig(SurrogateConfig):
-    """A law from a small network of an energy, fitted to states or to a table, of one to three axes."""
+    """A law from a small network of an energy, fitted to states or to a table, of one to three axes and any inputs."""
 
     kind: Literal["neural"] = "neural"
     units: int = Field(default=48, ge=4, le=256, description="units of the network's one hidden layer")

@@ -147,6 +147,18 @@ def _each_axis_by_itself(up: Any, self: Any, data: ModuleData) -> FittedLaw:
     return FittedLaw(law, FitReport(len(p), 0, 0.0, 0.0, 0.0, 0.0, float(np.ptp(tau)), {}))
 
 
+def _blind_to_the_second(up: Any, self: Any, data: ModuleData) -> FittedLaw:
+    """τ = 2 g p₁ − k u of two pressures: right where the other is as large and pushes the other way."""
+    law = _FirstPressure(np.array([0.0, 3.2e-6, 0.03]), Domain(np.zeros((2, 2)), np.zeros((1, 2))))
+    return FittedLaw(law, FitReport(1, 0, 0.0, 0.0, 0.0, 0.0, 1.0, {}))
+
+
+class _FirstPressure(LineLaw):
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        one = super().evaluate(actuation[:, 0], deformation)
+        return replace(one, dtau_dp=np.stack([one.dtau_dp, np.zeros_like(one.dtau_dp)], axis=2))
+
+
 broken("fits_a_linear_law", solve=lambda up, self, *given: -up(*given))
 broken(
     "reports_its_errors_honestly",
@@ -188,3 +200,4 @@ broken(
 broken("is_deterministic", solve=_resampled)
 broken("stated_law_is_complete", stated=lambda up, self: np.array([0.0, 1e-6, 0.04]))
 broken("couples_the_axes_of_a_joint", couples=True, fit_module=_each_axis_by_itself)
+broken("carries_several_actuations", several_actuations=True, fit_module=_blind_to_the_second)

@@ -1,3 +1,4 @@
+# ruff: noqa: UP018 - Warp takes float(0.0) for a variable, 0.0 for a constant
 """On the device: joint laws as tables of bicubic cells, and the control of a relaxation, chain by chain.
 
 A slope k of −τ enters as the damping dt · k of the step, which MuJoCo takes implicitly, so that the stiffness is
@@ -58,9 +59,9 @@ def drive(
     x = x - float(row)
     y = y - float(column)
     c = cells[number, row, column]
-    tau = 0.0
-    slope = 0.0
-    weight = 1.0
+    tau = float(0.0)
+    slope = float(0.0)
+    weight = float(1.0)
     for a in range(4):
         tau = tau + weight * power_sum(c[a, 0], c[a, 1], c[a, 2], c[a, 3], y)
         slope = slope + weight * power_sum(c[a, 1], 2.0 * c[a, 2], 3.0 * c[a, 3], 0.0, y)
@@ -83,8 +84,8 @@ def judge(
     """Of each chain: undo a step that went too far, halt where its kinetic energy has peaked; the longest move."""
     world = wp.tid()
     n = qpos.shape[1]
-    longest = 0.0
-    now = 0.0
+    longest = float(0.0)
+    now = float(0.0)
     for i in range(n):
         longest = wp.max(longest, wp.abs(qpos[world, i] - before[world, i]))
         now = now + qvel[world, i] * qvel[world, i]

@@ -48,7 +48,8 @@ class Picture {
       hooks: {draw: [u => this.draw(u)], setSelect: [u => this.selected(u)], setCursor: [u => this.point(u)]}},
       [null, [s.x, s.y]], this.hold);
     this.hold.appendChild(this.tip);
-    this.under = document.createElement("canvas"); this.under.className = "under"; this.plot.over.parentNode.prepend(this.under);
+    [this.models, this.dots] = ["models", "dots"].map(name => { const sheet = document.createElement("canvas");
+      sheet.className = `sheet ${name}`; this.plot.over.before(sheet); return sheet; });
     const over = this.plot.over;
     over.addEventListener("dblclick", () => { this.view = this.extent(); this.rescale(); this.brush(null); });
     over.addEventListener("mouseleave", () => { this.tip.hidden = true; });
@@ -70,7 +71,7 @@ class Picture {
     this.plot.redraw(false, true);
   }
   redraw() { this.plot.redraw(false, false); }
-  // Only the model moved: the readings and the axes, on the canvas above, stay as they are.
+  // Only the model moved: the readings and the axes, on sheets above and beneath, stay as they are.
   move(shown) {
     if (!this.shown || !this.plot || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel) { this.show(shown); return; }
     this.shown = shown; this.drawMoving(this.plot);
@@ -85,16 +86,23 @@ class Picture {
     if (s.rules) { c.font = `${11 * r}px system-ui`; c.textBaseline = "top";
       for (const rule of s.rules) { c.fillStyle = "#eef0f4"; c.fillRect(X(rule.at), b.top, r, b.height);
         c.fillStyle = "#5c6577"; if (rule.width * fx > 18 * r) c.fillText(rule.text, X(rule.at) + 3 * r, b.top + r); } }
-    if (!s.moving) this.points(u, c);
     c.restore();
+    const over = this.cleared(u, this.dots);
+    if (!s.moving) this.points(u, over);
+    over.restore();
     this.drawMoving(u);
   }
-  // The canvas beneath: the band, the lines of the models, and readings that move with them.
-  drawMoving(u) {
-    const s = this.shown, r = devicePixelRatio || 1, {b, X, Y} = this.scaled(u), sheet = this.under, c = sheet.getContext("2d");
-    if (sheet.width !== u.ctx.canvas.width || sheet.height !== u.ctx.canvas.height) { sheet.width = u.ctx.canvas.width; sheet.height = u.ctx.canvas.height; }
-    c.clearRect(0, 0, sheet.width, sheet.height);
+  // A sheet as large as the picture, empty, to be drawn on within the axes.
+  cleared(u, sheet) {
+    const {b} = this.scaled(u), c = sheet.getContext("2d"), {width, height} = u.ctx.canvas;
+    if (sheet.width !== width || sheet.height !== height) { sheet.width = width; sheet.height = height; }
+    c.clearRect(0, 0, width, height);
     c.save(); c.beginPath(); c.rect(b.left, b.top, b.width, b.height); c.clip();
+    return c;
+  }
+  // The sheet of the models: the band, their lines, and readings that move with them.
+  drawMoving(u) {
+    const s = this.shown, r = devicePixelRatio || 1, {b, X, Y} = this.scaled(u), c = this.cleared(u, this.models);
     if (s.band) { c.fillStyle = BAND; c.fillRect(b.left, Y(s.band), b.width, Y(-s.band) - Y(s.band));
       c.fillStyle = FAINT; c.fillRect(b.left, Y(0) - r / 2, b.width, r); }
     for (const line of s.lines) {

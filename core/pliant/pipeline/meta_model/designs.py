@@ -23,6 +23,7 @@ from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import enough_to_score
 from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import Workbench
+from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import Parameter, SolvedDesigns
@@ -162,10 +163,17 @@ def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
     """The designs of `meta_model.data`, else those of the study's sweep, which are solved first.
 
     Raises:
-        UserError: no designs at all, or designs that do not belong together; see `assembled`.
+        UserError: no designs at all, modules of several actuations, or designs that do not belong together; see
+            `assembled`.
     """
     config = study.need("meta_model", "a meta-model")
     family: FamilyConfig = study.need("family", "a meta-model")
+    built: ActuatorFamily = bench.build("family", family)
+    if len(names_of(built.actuation)) > 1:  # before hours of FEM
+        raise UserError(
+            f"a meta-model takes modules of one actuation, and family '{family.kind}' is driven by {built.actuation}: "
+            "leave 'meta_model' out, and let 'surrogate' fit the law of each design."
+        )
     if config.data is not None:
         found = from_table(config.data, family.kind)
     elif study.sweep is not None:

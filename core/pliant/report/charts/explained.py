@@ -29,7 +29,8 @@ def explained_chart(diagnosed: Diagnosed, output: str) -> Chart:
         run = diagnosed.measurement.runs[index]
         pick = thin(len(run))
         time, measured = clock(run)[0][pick], words.factor * run.outputs[output][pick]
-        lines, errors = [], []
+        lines: list[ChartLine] = []
+        errors: list[ChartLine] = []
         for model, colour, predicted in models:
             values = words.factor * predicted[index][output][pick]
             lines.append(ChartLine(model, time, values, name, colour, 1.5))

@@ -29,7 +29,8 @@ def law_chart(run: FinishedRun, design: DesignResult) -> Chart:
     levels = curve_levels(run, design)
     u = np.linspace(*angle_range(run, design), POINTS)
     colours = _colours(levels)
-    lines, bands = [], []
+    lines: list[ChartLine] = []
+    bands: list[Band] = []
     for level, colour in zip(levels, colours, strict=True):
         at, name = np.full(len(u), level), p_unit.text(float(level), 3)
         tau = effort.factor * law_of(design, at, u)

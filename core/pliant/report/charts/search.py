@@ -23,7 +23,8 @@ def history_chart(read: SearchView) -> Chart | None:
         return None
     better = np.fmax if read.objective.maximised else np.fmin
     branch, context = np.asarray(read.result.history.branch), np.asarray(read.result.history.context)
-    names, lines = read.branch_names(), []
+    names = read.branch_names()
+    lines: list[ChartLine] = []
     winner = read.best_of_branches()[0][0] if read.best_of_branches() else -1
     for k in np.unique(branch).tolist():
         mine = np.flatnonzero(branch == k)

@@ -41,6 +41,35 @@ def load(path: str | Path | None = None) -> tuple[mujoco.MjModel, mujoco.MjData]
     return model, mujoco.MjData(model)
 
 
+def mount(
+    onto: str | Path, at: str, prefix: str = "soft_", path: str | Path | None = None
+) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """This robot on a named site or body of another MJCF, in one model with its laws, and its data.
+
+    The world of this file becomes the frame of the site or body, so that the study's `chain.base` says how the robot
+    stands there. All its names get the prefix. The integrator becomes `implicitfast`, which the laws need.
+    """
+    pause()
+    whole = mujoco.MjSpec.from_file(str(onto))
+    robot = mujoco.MjSpec.from_file(str(path or Path(__file__).with_name(MJCF)))
+    robot.option.integrator, robot.option.timestep = whole.option.integrator, whole.option.timestep
+    robot.option.gravity = whole.option.gravity  # all options are those of the whole
+    site, body = whole.site(at), whole.body(at)
+    if site is not None:
+        whole.attach(robot, prefix=prefix, site=site)
+    elif body is not None:
+        whole.attach(robot, prefix=prefix, frame=body.add_frame())
+    else:
+        named = [one.name for one in (*whole.sites, *whole.bodies) if one.name]
+        raise ValueError(
+            f"{onto} has no site or body '{at}'; it has {', '.join(named) or 'none with a name'}."
+        )
+    model = whole.compile()
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    install(model, prefix)
+    return model, mujoco.MjData(model)
+
+
 def install(model: mujoco.MjModel, prefix: str = "") -> None:
     """Let the laws act in this model from now on; `prefix` stands before all names if the file was attached."""
     _installed[id(model)] = (model, [_Arm(model, arm, prefix) for arm in ARMS])
@@ -58,14 +87,19 @@ def resume() -> None:
 
 
 def settle(
-    model: mujoco.MjModel, data: mujoco.MjData, tolerance: float = 1e-9, most_steps: int = 20_000
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    tolerance: float = 1e-9,
+    most_steps: int = 20_000,
+    step_s: float = SETTLE_STEP_S,
 ) -> bool:
     """Move to the static equilibrium under the present `data.ctrl` and loads; whether it was reached.
 
     Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. `tolerance` is the largest
-    unbalanced effort, N·m (N on prismatic joints).
+    unbalanced effort, N·m (N on prismatic joints). Stiff servos of an arm that the robot is mounted on need their own
+    short `step_s`.
     """
-    step_s, model.opt.timestep = model.opt.timestep, SETTLE_STEP_S
+    usual_s, model.opt.timestep = model.opt.timestep, step_s
     before = 0.0
     try:
         for _ in range(most_steps):
@@ -79,7 +113,7 @@ def settle(
                     return True
             before = energy
     finally:
-        model.opt.timestep = step_s
+        model.opt.timestep = usual_s
         mujoco.mj_forward(model, data)
     return False
 

@@ -31,6 +31,7 @@ from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.rollout import Rollout
 from pliant.records.scene import Scene
 from pliant_plugins.exporting.mjcf import write_mjcf
+from pliant_plugins.exporting.mjcf_scene import write_scene
 from pliant_plugins.physics.compiled import is_cached
 from pliant_plugins.physics.compiled.motion import move
 from pliant_plugins.physics.dynamic import DynamicSimulation
@@ -317,3 +318,6 @@ class Mujoco(PhysicsBackend):
 
     def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
         return write_mjcf(chain, path, looks, self.config.joint_damping)
+
+    def export_scene(self, scene: Scene, path: Path) -> tuple[Path, ...]:
+        return write_scene(scene, path, self.config)

@@ -1,11 +1,7 @@
-"""The joint law of a network of an energy, of one to three axes, defined and stable outside its box too.
-
-`network_effort` is the same as one plain function that allocates nothing, for engines that compile it.
-"""
+"""The joint law of a network of an energy, of any actuations and axes, defined and stable outside its box too."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
@@ -16,13 +12,9 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.neural.network import Network
+from pliant_plugins.surrogates.neural.scalar import network_effort, several_network_effort, shared
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
-# Parameters: number of units; coordinates, axes, then b, c and w of each unit.
-# Each coordinate's block: box low, box high, reach. Each axis's: rest, stiffness below and above, guard below and
-# above, gain below and above, then effort, gain and the row of the stiffness of the network's quadratic form.
-COORDINATE = 3
-AXIS = 9
 # The network is seen this far outside the box, in half-widths; halved until it is stable there.
 REACHES = (0.25, 0.125, 1 / 16, 1 / 32, 1 / 64)
 # Of the least stiffness in the box, what must be left as far outside as the network is seen.
@@ -30,7 +22,7 @@ SHARE_LEFT = 0.5
 # Where a border has no stiffness: of the effort's range over the box's half-width.
 LEAST_STIFFNESS = 0.02
 SAFETY = 1.2
-LEVELS = {1: 41, 2: 13, 3: 7}
+LEVELS, FEWEST = {2: 41, 3: 13, 4: 7, 5: 5, 6: 4}, 3  # of a grid, by the number of coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +37,13 @@ class NetworkContinuation:
     where a_i is τ_i on the border, the other axes at rest, so that τ goes on as a line of the stiffness k_i. All
     terms and their first two derivatives vanish on the border: τ is C¹. Where the network is stable up to L outside
     the box, so is the law everywhere: k_i [1 − (1 − t²)²] and D_i ≥ |τ_i − a_i| keep what bending takes away.
-    Pressure beyond p̃ pushes with the constant gain G of the border at rest, which leaves the stiffness alone.
+    Pressure beyond p̃ pushes with the constant gain G of the border at rest, which leaves the stiffness alone. Of
+    several actuations each has its own G, the others at rest.
 
     Attributes:
-        box: (1 + k, 2).
-        reach: (1 + k,) L.
-        gain: (2, k) G below and above.
+        box: (m + k, 2).
+        reach: (m + k,) L.
+        gain: (m, 2, k) G of each actuation below and above.
         rest: (k,) the deformation of the box nearest to zero.
         stiffness: (k, 2) k_i below and above.
         guard: (k, 2) D_i.
@@ -66,7 +59,7 @@ class NetworkContinuation:
     largest_slope: float
 
     def bend(self, points: Array) -> tuple[Array, Array, Array]:
-        """x̃, how fast it follows x (1 inside, 1 − t² outside), and δ; all (n, 1 + k)."""
+        """x̃, how fast it follows x (1 inside, 1 − t² outside), and δ; all (n, m + k)."""
         inside = np.clip(points, self.box[:, 0], self.box[:, 1])
         excess = points - inside
         bent = np.tanh(excess / self.reach)
@@ -74,9 +67,10 @@ class NetworkContinuation:
 
 
 def continue_(network: Network, box: Array) -> NetworkContinuation:
-    """The continuation of a network outside box (1 + k, 2), with the largest reach that keeps it stable."""
+    """The continuation of a network outside box (m + k, 2), with the largest reach that keeps it stable."""
     half = np.ptp(box, axis=1) / 2
-    levels = LEVELS[network.n_axes]
+    m = network.n_inputs
+    levels = LEVELS.get(len(box), FEWEST)
     inner = _largest_slope(network, _grid(box, levels))
     reach = half * REACHES[-1]
     for share in REACHES:
@@ -84,27 +78,32 @@ def continue_(network: Network, box: Array) -> NetworkContinuation:
         if _largest_slope(network, _grid(wide, levels)) <= SHARE_LEFT * inner < 0:
             reach = share * half
             break
-    rest = np.clip(np.zeros(network.n_axes), box[1:, 0], box[1:, 1])
-    gain = np.array([network.efforts(np.array([[p, *rest]]))[1][0] for p in box[0]])
+    at_rest = np.clip(np.zeros(len(box)), box[:, 0], box[:, 1])
+    gain, rest = np.empty((m, 2, network.n_axes)), at_rest[m:]
+    for j, side in product(range(m), (0, 1)):
+        at = at_rest.copy()
+        at[j] = box[j, side]
+        gain[j, side] = network.efforts(at[None])[1][0, :, j]
     stiffness, guard = _borders(network, box, reach, rest)
     return NetworkContinuation(box, reach, gain, rest, stiffness, guard, inner)
 
 
 def _borders(network: Network, box: Array, reach: Array, rest: Array) -> tuple[Array, Array]:
     """k_i and D_i, (k, 2) each: mean stiffness on a border, farthest that τ_i is from its value at rest near it."""
-    k = network.n_axes
+    k, m = network.n_axes, network.n_inputs
+    levels = LEVELS.get(len(box), FEWEST)
     stiffness, guard = np.zeros((k, 2)), np.zeros((k, 2))
     wide = box + reach[:, None] * [-1, 1]
-    tau = network.efforts(_grid(box, LEVELS[k]))[0]
+    tau = network.efforts(_grid(box, levels))[0]
     for i, side in product(range(k), (0, 1)):
         slab = wide.copy()
-        slab[1 + i] = sorted((box[1 + i, side], wide[1 + i, side]))
-        points = _grid(slab, LEVELS[k])
+        slab[m + i] = sorted((box[m + i, side], wide[m + i, side]))
+        points = _grid(slab, levels)
         on_border = points.copy()
-        on_border[:, 1 + i] = box[1 + i, side]
+        on_border[:, m + i] = box[m + i, side]
         at_rest = on_border.copy()
-        at_rest[:, 1:] = np.where(np.arange(k) == i, on_border[:, 1:], rest)
-        least = LEAST_STIFFNESS * np.ptp(tau[:, i]) / (np.ptp(box[1 + i]) / 2)
+        at_rest[:, m:] = np.where(np.arange(k) == i, on_border[:, m:], rest)
+        least = LEAST_STIFFNESS * np.ptp(tau[:, i]) / (np.ptp(box[m + i]) / 2)
         stiffness[i, side] = max(-network.efforts(on_border)[2][:, i, i].mean(), least)
         away = network.efforts(points)[0][:, i] - network.efforts(at_rest)[0][:, i]
         guard[i, side] = SAFETY * np.abs(away).max()
@@ -144,31 +143,36 @@ class NeuralLaw(JointLaw):
     outside: NetworkContinuation = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
-        object.__setattr__(self, "outside", continue_(self.network, box))
+        object.__setattr__(self, "outside", continue_(self.network, self.domain.box))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k)."""
-        points = _points(actuation, deformation)
+        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k).
+
+        Of m > 1 actuations they are (n, m), ∂τ/∂p is (n, k, m).
+        """
+        points, m = _points(actuation, deformation), self.network.n_inputs
         how = self.outside
         bent, rate, excess = how.bend(points)
         tau, gain, slope = self.network.efforts(bent)
         if not excess.any():
-            return Effort(tau, gain, slope)
-        r, s, in_p = rate[:, 1:], rate[:, 1:, None] * rate[:, None, 1:], rate[:, :1]
+            return Effort(tau, _narrow(gain), slope)
+        in_p, r = rate[:, None, :m], rate[:, m:]
+        s = r[:, :, None] * r[:, None, :]
         slope = slope * s
-        at_border, border_gain = self._border(bent[:, 0], excess[:, 1:])
-        stiffness, guard = self._sides(excess[:, 1:])
-        reach, sign = how.reach[1:], np.sign(excess[:, 1:])
-        t = np.tanh(np.abs(excess[:, 1:]) / reach)
+        beyond = excess[:, m:]
+        at_border, border_gain = self._border(bent[:, :m], beyond)
+        stiffness, guard = self._sides(beyond)
+        reach, sign = how.reach[m:], np.sign(beyond)
+        t = np.tanh(np.abs(beyond) / reach)
         bending = -2 * t * r / reach
         diagonal = np.einsum("nii->ni", slope)
         diagonal += (tau - at_border) * sign * bending - stiffness * (1 - r * r) + guard * bending
-        outer_gain = np.where(excess[:, :1] > 0, how.gain[1], how.gain[0])
-        tau = tau * r + at_border * (1 - r) + (points[:, :1] - bent[:, :1]) * outer_gain
-        tau -= stiffness * (excess[:, 1:] - sign * reach * (t - t**3 / 3)) + guard * sign * (1 - r)
-        gain = in_p * (gain * r + border_gain * (1 - r)) + (1 - in_p) * outer_gain
-        return Effort(tau, gain, slope)
+        outer_gain = self._outer_gain(excess[:, :m])
+        tau = tau * r + at_border * (1 - r)
+        tau += np.sum((points - bent)[:, None, :m] * outer_gain, axis=2)
+        tau -= stiffness * (beyond - sign * reach * (t - t**3 / 3)) + guard * sign * (1 - r)
+        gain = in_p * (gain * r[:, :, None] + border_gain * (1 - r)[:, :, None]) + (1 - in_p) * outer_gain
+        return Effort(tau, _narrow(gain), slope)
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
         """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
@@ -178,10 +182,13 @@ class NeuralLaw(JointLaw):
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
         net, how = self.network, self.outside
-        axes = [how.rest, how.stiffness, how.guard, how.gain.T, net.effort, net.gain, net.stiffness]
+        outer_gain = how.gain.transpose(2, 0, 1).reshape(net.n_axes, -1)
+        axes = [how.rest, how.stiffness, how.guard, outer_gain, net.effort, net.gains, net.stiffness]
         blocks = ([how.box, how.reach], axes, [net.offsets, net.factors, net.weights])
         numbers = [np.column_stack(block).ravel() for block in blocks]
-        parameters = np.concatenate([[float(len(net.offsets))], *numbers])
+        parameters = np.concatenate([[float(len(net.offsets)), float(net.n_inputs)], *numbers])
+        if net.n_inputs > 1:
+            return ScalarLaw(several_network_effort, parameters)
         return ScalarLaw(network_effort, parameters, partial(shared, axes=len(self.axes)))
 
     def record(self) -> LawRecord:
@@ -200,27 +207,34 @@ class NeuralLaw(JointLaw):
         energy = self.network.energy(bent)
         if not excess.any():
             return energy
-        outer_gain = np.where(excess[:, :1] > 0, how.gain[1], how.gain[0])
-        energy = energy - np.sum((points[:, :1] - bent[:, :1]) * outer_gain * points[:, 1:], axis=1)
-        at_border, _ = self._border(bent[:, 0], excess[:, 1:])
-        stiffness, guard = self._sides(excess[:, 1:])
-        reach, r = how.reach[1:], np.abs(excess[:, 1:])
+        m = self.network.n_inputs
+        beyond, pushed = excess[:, m:], (points - bent)[:, None, :m] * self._outer_gain(excess[:, :m])
+        energy = energy - np.sum(pushed * points[:, m:, None], axis=(1, 2))
+        at_border, _ = self._border(bent[:, :m], beyond)
+        stiffness, guard = self._sides(beyond)
+        reach, r = how.reach[m:], np.abs(beyond)
         x = r / reach
         t = np.tanh(x)
         log_cosh = x + np.log1p(np.exp(-2 * x)) - np.log(2.0)
         left = r - reach * t
         bowl = r * r / 2 - reach**2 * (2 / 3 * log_cosh + t * t / 6)
-        beside = (guard - at_border * np.sign(excess[:, 1:])) * left + stiffness * bowl
+        beside = (guard - at_border * np.sign(beyond)) * left + stiffness * bowl
         return energy + beside.sum(axis=1)
 
+    def _outer_gain(self, excess: Array) -> Array:
+        """(n, k, m) G of the side on which each actuation left its box by excess (n, m)."""
+        of_side = self.outside.gain[np.arange(excess.shape[1]), (excess > 0).astype(int)]
+        return np.swapaxes(of_side, 1, 2)
+
     def _border(self, p: Array, excess: Array) -> tuple[Array, Array]:
-        """a_i and ∂a_i/∂p̃, (n, k) each; zero for axes inside their box."""
-        tau, gain = np.zeros_like(excess), np.zeros_like(excess)
+        """a_i (n, k) and ∂a_i/∂p̃ (n, k, m) at p (n, m); zero for axes inside their box."""
+        m = p.shape[1]
+        tau, gain = np.zeros_like(excess), np.zeros((*excess.shape, m))
         for i in range(excess.shape[1]):
             for side, out in enumerate((excess[:, i] < 0, excess[:, i] > 0)):
                 if out.any():
                     u = self.outside.rest.copy()
-                    u[i] = self.outside.box[1 + i, side]
+                    u[i] = self.outside.box[m + i, side]
                     found = self.network.efforts(_points(p[out], np.tile(u, (int(out.sum()), 1))))
                     tau[out, i], gain[out, i] = found[0][:, i], found[1][:, i]
         return tau, gain
@@ -233,121 +247,10 @@ class NeuralLaw(JointLaw):
 
 
 def _points(actuation: Array, deformation: Array) -> Array:
-    """(n, 1 + k)."""
+    """(n, m + k)."""
     return np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
 
 
-def network_effort(
-    actuation: float, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
-) -> None:
-    """Fill tau (k,), dtau_dp (k,) and dtau_du (k, k); `parameters` as `NeuralLaw.scalar` makes them."""
-    k = len(tau)
-    p, rate_p = _bent(actuation, parameters, 1)
-    for i in range(k):
-        tau[i] = 0.0
-        dtau_dp[i] = 0.0
-        for j in range(k):
-            dtau_du[i, j] = 0.0
-    first = 1 + COORDINATE * (1 + k) + (AXIS + k) * k
-    for unit in range(int(parameters[0] + 0.5)):
-        at = first + unit * (3 + k)
-        z = parameters[at] + parameters[at + 2] * p
-        for i in range(k):
-            z += parameters[at + 3 + i] * _bent(deformation[i], parameters, 1 + COORDINATE * (1 + i))[0]
-        bell = 1.0 / math.sqrt(1.0 + z * z)
-        slope = parameters[at + 1] * z * bell
-        curvature = parameters[at + 1] * bell * bell * bell
-        for i in range(k):
-            w = parameters[at + 3 + i]
-            tau[i] -= slope * w
-            dtau_dp[i] -= curvature * w * parameters[at + 2]
-            for j in range(i, k):
-                dtau_du[i, j] -= curvature * w * parameters[at + 3 + j]
-    for i in range(k):
-        axis = 1 + COORDINATE * (1 + k) + (AXIS + k) * i
-        tau[i] += parameters[axis + 7] + p * parameters[axis + 8]
-        dtau_dp[i] += parameters[axis + 8]
-        for j in range(k):
-            u = _bent(deformation[j], parameters, 1 + COORDINATE * (1 + j))[0]
-            tau[i] -= parameters[axis + 9 + j] * u
-            if j >= i:
-                dtau_du[i, j] -= parameters[axis + 9 + j]
-    for i in range(k):
-        rate = _bent(deformation[i], parameters, 1 + COORDINATE * (1 + i))[1]
-        for j in range(i, k):
-            dtau_du[i, j] *= rate * _bent(deformation[j], parameters, 1 + COORDINATE * (1 + j))[1]
-        _outside(i, k, p, deformation[i], parameters, tau, dtau_dp, dtau_du)
-        axis = 1 + COORDINATE * (1 + k) + (AXIS + k) * i
-        side = 1 if actuation > p else 0
-        tau[i] += (actuation - p) * parameters[axis + 5 + side]
-        dtau_dp[i] = rate_p * dtau_dp[i] + (1.0 - rate_p) * parameters[axis + 5 + side]
-    for i in range(k):
-        for j in range(i):
-            dtau_du[i, j] = dtau_du[j, i]
-
-
-def _bent(value: float, parameters: Array, at: int) -> tuple[float, float]:
-    """x̃ and how fast it follows x."""
-    low, high = parameters[at], parameters[at + 1]
-    if low <= value <= high:
-        return value, 1.0
-    border = low if value < low else high
-    bent = math.tanh((value - border) / parameters[at + 2])
-    return border + parameters[at + 2] * bent, 1.0 - bent * bent
-
-
-def _outside(
-    i: int, k: int, p: float, u: float, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
-) -> None:
-    """Add what axis i has outside its box to its effort and slopes."""
-    at = 1 + COORDINATE * (1 + i)
-    low, high, reach = parameters[at], parameters[at + 1], parameters[at + 2]
-    if low <= u <= high:
-        return
-    side = 1 if u > high else 0
-    border = high if u > high else low
-    sign = 1.0 if u > high else -1.0
-    axis = 1 + COORDINATE * (1 + k) + (AXIS + k) * i
-    stiffness, guard = parameters[axis + 1 + side], parameters[axis + 3 + side]
-    effort, gain = _border(i, k, p, border, parameters)
-    excess = u - border
-    t = math.tanh(abs(excess) / reach)
-    rate = 1.0 - t * t
-    bending = -2.0 * t * rate / reach
-    dtau_du[i, i] += (tau[i] - effort) * sign * bending - stiffness * (1.0 - rate * rate) + guard * bending
-    tau[i] = tau[i] * rate + effort * (1.0 - rate) - guard * sign * (1.0 - rate)
-    tau[i] -= stiffness * (excess - sign * reach * (t - t * t * t / 3.0))
-    dtau_dp[i] = dtau_dp[i] * rate + gain * (1.0 - rate)
-
-
-def _border(i: int, k: int, p: float, border: float, parameters: Array) -> tuple[float, float]:
-    """The network's τ_i and ∂τ_i/∂p where axis i is at its border and the others at rest."""
-    axes = 1 + COORDINATE * (1 + k)
-    own = axes + (AXIS + k) * i
-    effort, gain = parameters[own + 7] + p * parameters[own + 8], parameters[own + 8]
-    for j in range(k):
-        u = border if j == i else parameters[axes + (AXIS + k) * j]
-        effort -= parameters[own + 9 + j] * u
-    first = axes + (AXIS + k) * k
-    for unit in range(int(parameters[0] + 0.5)):
-        at = first + unit * (3 + k)
-        z = parameters[at] + parameters[at + 2] * p
-        for j in range(k):
-            u = border if j == i else parameters[axes + (AXIS + k) * j]
-            z += parameters[at + 3 + j] * u
-        bell = 1.0 / math.sqrt(1.0 + z * z)
-        pull = parameters[at + 1] * parameters[at + 3 + i] * bell
-        effort -= pull * z
-        gain -= pull * bell * bell * parameters[at + 2]
-    return effort, gain
-
-
-def shared(parameters: Array, share: float, axes: int) -> Array:
-    """Parameters of the law of so many axes whose actuation is `share` times what it is told."""
-    told = np.array(parameters, float)
-    told[1 : 1 + COORDINATE] /= share
-    first = 1 + COORDINATE * (1 + axes)
-    by_axis = told[first : first + (AXIS + axes) * axes].reshape(axes, AXIS + axes)
-    by_axis[:, [5, 6, 8]] *= share
-    told[first + (AXIS + axes) * axes :].reshape(-1, 3 + axes)[:, 2] *= share
-    return told
+def _narrow(gain: Array) -> Array:
+    """∂τ/∂p (n, k, m) as laws give it: (n, k) of one actuation."""
+    return gain[:, :, 0] if gain.shape[2] == 1 else gain

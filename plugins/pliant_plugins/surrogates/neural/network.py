@@ -14,17 +14,17 @@ BLOCK = 512
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Π(p, u) = Σ_j c_j √(1 + z_j²) − (t + p g)·u + ½ uᵀ S u with z_j = w_j·(p, u) + b_j.
+    """Π(p, u) = Σ_j c_j √(1 + z_j²) − (t + g p)·u + ½ uᵀ S u with z_j = w_j·(p, u) + b_j, p of one input or of several.
 
     The ridge √(1 + z²) has the slopes z/√(1 + z²) and (1 + z²)^{−3/2}: a sigmoid and its bell that cost a root and a
     division (Carlile et al., arXiv:1710.09967, as an activation). Its sums need no layer by layer derivatives.
 
     Attributes:
-        weights: (m, 1 + k) w_j of actuation and deformations, in 1/Pa (1/N) and 1/rad (1/m).
-        offsets: (m,) b_j.
-        factors: (m,) c_j in J.
+        weights: (units, m + k) w_j of m actuations and k deformations, in 1/Pa (1/N) and 1/rad (1/m).
+        offsets: (units,) b_j.
+        factors: (units,) c_j in J.
         effort: (k,) t in N·m.
-        gain: (k,) g.
+        gain: (k,) g; (k, m) of several actuations.
         stiffness: (k, k) S, symmetric.
     """
 
@@ -41,25 +41,35 @@ class Network:
         return len(self.effort)
 
     @property
+    def n_inputs(self) -> int:
+        """Number m of actuations."""
+        return self.weights.shape[1] - self.n_axes
+
+    @property
+    def gains(self) -> Array:
+        """(k, m) g."""
+        return self.gain.reshape(self.n_axes, self.n_inputs)
+
+    @property
     def n_parameters(self) -> int:
         """Numbers that were fitted."""
         k = self.n_axes
-        return self.weights.size + 2 * len(self.offsets) + 2 * k + k * (k + 1) // 2
+        return self.weights.size + 2 * len(self.offsets) + k + self.gain.size + k * (k + 1) // 2
 
     def energy(self, points: Array) -> Array:
-        """(n,) Π at points (n, 1 + k) of actuation and deformations."""
-        p, u = points[:, :1], points[:, 1:]
+        """(n,) Π at points (n, m + k) of actuations and deformations."""
+        p, u = np.split(points, [self.n_inputs], axis=1)
         z = points @ self.weights.T + self.offsets
-        quadratic = np.sum(u * (u @ self.stiffness) / 2 - u * (self.effort + p * self.gain), axis=1)
+        quadratic = np.sum(u * (u @ self.stiffness) / 2 - u * (self.effort + p @ self.gains.T), axis=1)
         return np.sqrt(1 + z * z) @ self.factors + quadratic
 
     def efforts(self, points: Array) -> tuple[Array, Array, Array]:
-        """τ = −∂Π/∂u (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) at points (n, 1 + k)."""
-        n, k = len(points), self.n_axes
-        of_u = self.weights[:, 1:] * self.factors[:, None]
+        """τ = −∂Π/∂u (n, k), ∂τ/∂p (n, k, m) and the symmetric ∂τ/∂u (n, k, k) at points (n, m + k)."""
+        n, k, m = len(points), self.n_axes, self.n_inputs
+        of_u = self.weights[:, m:] * self.factors[:, None]
         across = self.weights[:, :, None] * of_u[:, None, :]
         second = across.reshape(len(of_u), -1)
-        tau, slopes = np.empty((n, k)), np.empty((n, (1 + k) * k))
+        tau, slopes = np.empty((n, k)), np.empty((n, (m + k) * k))
         for start in range(0, n, BLOCK):
             rows = slice(start, start + BLOCK)
             z = points[rows] @ self.weights.T
@@ -72,9 +82,11 @@ class Network:
             tau[rows] = z @ of_u
             bell *= bell * bell
             slopes[rows] = bell @ second
-        p, u = points[:, :1], points[:, 1:]
-        tau = self.effort + p * self.gain - u @ self.stiffness - tau
-        return tau, self.gain - slopes[:, :k], -self.stiffness - slopes[:, k:].reshape(n, k, k)
+        p, u = np.split(points, [m], axis=1)
+        tau = self.effort + p @ self.gains.T - u @ self.stiffness - tau
+        by_p, by_u = np.split(slopes, [m * k], axis=1)
+        gain = self.gains - np.swapaxes(by_p.reshape(n, m, k), 1, 2)
+        return tau, gain, -self.stiffness - by_u.reshape(n, k, k)
 
     def arrays(self) -> dict[str, Array]:
         """The network as arrays for a `LawRecord`."""

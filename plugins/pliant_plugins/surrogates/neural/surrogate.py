@@ -42,13 +42,12 @@ def error_bar(
     c s^`STEEPNESS`; the misses themselves give c, and Λ makes them likeliest.
     """
     torch = library()
-    k = states.tau.shape[1]
     system = ResidualSystem(torch, states, scales, units, np.ones((1, len(part)), bool))
     theta = torch.from_numpy(stop.parameters[0])
     jacobian, own = system.jacobian(theta[None])[0], system.values(theta, states.points)
-    state = system.known // (2 * k + k * (k + 1) // 2)
+    state, d = system.known // system.rows, states.points.shape[1]
     box = np.stack([scales.centre - scales.half, scales.centre + scales.half], axis=1)
-    at = 2 * qmc.Sobol(1 + k, scramble=False).random_base2(PLACES) - 1
+    at = 2 * qmc.Sobol(d, scramble=False).random_base2(PLACES) - 1
     places = system.values(theta, scales.centre + scales.half * at)
     shares = np.abs(misses) / scales.ranges
     best: tuple[float, Array, Array] | None = None
@@ -65,7 +64,7 @@ def error_bar(
             best = likely, _sizes(torch, jacobian, decay, places), scores
     assert best is not None
     _, sizes, scores = best
-    reach = REACH * 2 * len(at) ** (-1 / (1 + k))
+    reach = REACH * 2 * len(at) ** (-1 / d)
     return ErrorBar.of_shape(box, at, sizes * scales.ranges, scores, reach)
 
 
@@ -85,13 +84,14 @@ FOLDS = 4
 
 
 class Neural(Surrogate):
-    """Laws τ = −∂Π/∂u of a network Π(p, u), of one axis or of all that a joint has (`NeuralLaw`).
+    """Laws τ = −∂Π/∂u of a network Π(p, u), of one axis or of all that a joint has, of any inputs (`NeuralLaw`).
 
     torch trains the network (`training`); laws are loaded and evaluated by numpy. `FitReport.details` has the history
     of the training, the residuals, and for one axis the errors of the study's form on the same states.
     """
 
     couples = True
+    several_actuations = True
     config: NeuralConfig
 
     def fit(self, data: FemDataset) -> FittedLaw:
@@ -110,9 +110,11 @@ class Neural(Surrogate):
     def fit_module(self, data: ModuleData) -> FittedLaw:
         """Fit all axes of a joint together, with what moves one axis turning another; one axis as `fit` does.
 
+        Of several actuations it is one energy of all of them.
+
         Raises `UserError` as `polynomial.states.split` does.
         """
-        if len(data.axes) == 1:
+        if len(data.axes) == 1 and len(data.actuations) == 1:
             return self.fit(data.axis(data.axes[0]))
         states = split(data, "a neural law")
         fit = states.fit

@@ -24,7 +24,10 @@ PLAIN = 0.01
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """n states of k axes: points (n, 1 + k), tau (n, k), gains (n, k), slopes (n, k, k); unknown slopes are NaN."""
+    """n states of m inputs and k axes: points (n, m + k), tau (n, k), gains (n, k, m), slopes (n, k, k).
+
+    Unknown slopes are NaN; gains may be (n, k) of one input.
+    """
 
     points: Array
     tau: Array
@@ -34,7 +37,7 @@ class States:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Centre and half-width of each coordinate, (1 + k,), and the range of each effort, (k,)."""
+    """Centre and half-width of each coordinate, (m + k,), and the range of each effort, (k,)."""
 
     centre: Array
     half: Array
@@ -43,41 +46,55 @@ class Scales:
     @staticmethod
     def of(domain: Domain, ranges: Array) -> Scales:
         """The scales of a box."""
-        box = np.concatenate([domain.actuation[None], domain.deformation])
+        box = domain.box
         return Scales(box.mean(axis=1), np.ptp(box, axis=1) / 2, ranges)
 
     @property
     def energy(self) -> float:
         """J: the largest range times half-width."""
-        return float(np.max(self.ranges * self.half[1:]))
+        return float(np.max(self.ranges * self.half[self.n_inputs :]))
+
+    @property
+    def n_inputs(self) -> int:
+        """Number m of actuations."""
+        return len(self.half) - len(self.ranges)
 
 
 class ResidualSystem:
     """Residuals of the scaled states and their derivatives by the parameters θ (g, q) of g networks at once.
 
-    Each network sees the states that its row of a mask (g, n) chooses. θ is, one after another, w (1 + k), b, c of
-    each unit; then effort, gain and the upper triangle of the stiffness of the quadratic form.
+    Each network sees the states that its row of a mask (g, n) chooses. θ is, one after another, w (m + k), b, c of
+    each unit; then effort, gains (those of all axes by the first input, …) and the upper triangle of the stiffness of
+    the quadratic form.
     """
 
     def __init__(
         self, torch: Any, states: States, scales: Scales, units: int, seen: NDArray[np.bool_]
     ) -> None:
         self.torch, self.scales, self.units = torch, scales, units
-        self.k = states.tau.shape[1]
+        self.k, self.m = states.tau.shape[1], scales.n_inputs
         self.upper = np.triu_indices(self.k)
-        self.width = self.k + 3
-        half, tau_unit = scales.half, scales.energy / scales.half[1:]
-        # second derivatives of Π that the data know: by p and u_i, by u_i and u_j
-        self.first = np.concatenate([np.zeros(self.k, int), 1 + self.upper[0]])
-        self.second = np.concatenate([1 + np.arange(self.k), 1 + self.upper[1]])
+        self.width = self.m + self.k + 2
+        half, tau_unit = scales.half, scales.energy / scales.half[self.m :]
+        # second derivatives of Π that the data know: by p_j and u_i, by u_i and u_j
+        axes, inputs = np.tile(np.arange(self.k), self.m), np.repeat(np.arange(self.m), self.k)
+        self.first = np.concatenate([inputs, self.m + self.upper[0]])
+        self.second = np.concatenate([self.m + axes, self.m + self.upper[1]])
         to_unit = np.concatenate(
-            [1 / tau_unit, half[0] / tau_unit, half[1 + self.upper[0]] / tau_unit[self.upper[1]]]
+            [
+                1 / tau_unit,
+                half[inputs] / tau_unit[axes],
+                half[self.m + self.upper[0]] / tau_unit[self.upper[1]],
+            ]
         )
         shares = tau_unit / scales.ranges
         slope_shares = SLOPE_WEIGHT * np.concatenate(
-            [shares, np.sqrt(shares[self.upper[0]] * shares[self.upper[1]])]
+            [shares[axes], np.sqrt(shares[self.upper[0]] * shares[self.upper[1]])]
         )
-        wanted = np.concatenate([states.tau, states.gain, states.slope[:, *self.upper]], axis=1) * to_unit
+        n = len(states.tau)
+        gain = np.swapaxes(states.gain.reshape(n, self.k, self.m), 1, 2).reshape(n, -1)
+        wanted = np.concatenate([states.tau, gain, states.slope[:, *self.upper]], axis=1) * to_unit
+        self.rows = wanted.shape[1]  # of a state
         known = np.isfinite(wanted)
         of_state = seen / np.sqrt(seen.sum(axis=1, keepdims=True))
         weights = of_state[:, :, None] * np.concatenate([shares, slope_shares])
@@ -96,13 +113,12 @@ class ResidualSystem:
         torch, m = self.torch, self.units * self.width
         random = torch.Generator().manual_seed(seed)
         of_units = torch.zeros(self.units, self.width, dtype=torch.float64)
-        of_units[:, : self.k + 1] = torch.randn(self.units, self.k + 1, generator=random, dtype=torch.float64)
-        of_units[:, self.k + 1] = 3 * torch.rand(self.units, generator=random, dtype=torch.float64) - 1.5
+        d = self.m + self.k
+        of_units[:, :d] = torch.randn(self.units, d, generator=random, dtype=torch.float64)
+        of_units[:, d] = 3 * torch.rand(self.units, generator=random, dtype=torch.float64) - 1.5
         theta = torch.cat([of_units.ravel(), torch.zeros(len(self.share) - m, dtype=torch.float64)])
         theta = theta.repeat(len(self.weights), 1)
-        linear = torch.cat(
-            [torch.arange(self.units) * self.width + self.k + 2, torch.arange(m, theta.shape[1])]
-        )
+        linear = torch.cat([torch.arange(self.units) * self.width + d + 1, torch.arange(m, theta.shape[1])])
         matrix = self.jacobian(theta)[:, :, linear]
         normal = matrix.mT @ matrix
         normal.diagonal(dim1=1, dim2=2).add_(1e-4 / self.units)
@@ -110,13 +126,13 @@ class ResidualSystem:
         return theta
 
     def values(self, theta: Any, points: Array) -> Any:
-        """(n, k, q) derivatives of τ, as shares of its range, at points (n, 1 + k), by one network's θ (q,)."""
+        """(n, k, q) derivatives of τ, as shares of its range, at points (n, m + k), by one network's θ (q,)."""
         torch, k = self.torch, self.k
         x = torch.from_numpy((points - self.scales.centre) / self.scales.half)
         of_units = self._of_units(theta[None], x)[0]
         plain = torch.from_numpy(self._plain(x.numpy())).reshape(len(of_units), -1)
         both = torch.cat([of_units, plain], dim=1).reshape(len(x), -1, len(self.share))[:, :k]
-        shares = self.scales.energy / (self.scales.half[1:] * self.scales.ranges)
+        shares = self.scales.energy / (self.scales.half[self.m :] * self.scales.ranges)
         return both * torch.from_numpy(shares)[:, None]
 
     def residual(self, theta: Any, which: Any = slice(None)) -> Any:
@@ -137,20 +153,21 @@ class ResidualSystem:
 
     def network(self, theta: Any) -> Network:
         """The network of one θ (q,) in SI."""
-        numbers, k, scales = theta.numpy(), self.k, self.scales
-        m = self.units * self.width
-        of_units = numbers[:m].reshape(self.units, self.width)
-        effort, gain, upper = np.split(numbers[m:], [k, 2 * k])
+        numbers, k, m, scales = theta.numpy(), self.k, self.m, self.scales
+        end = self.units * self.width
+        of_units = numbers[:end].reshape(self.units, self.width)
+        effort, gain, upper = np.split(numbers[end:], [k, (1 + m) * k])
         stiffness = np.zeros((k, k))
         stiffness[self.upper] = upper
         stiffness = np.triu(stiffness) + np.triu(stiffness, 1).T
-        half = scales.half[1:]
+        half = scales.half[m:]
         stiffness = scales.energy * stiffness / np.outer(half, half)
-        weights = of_units[:, : k + 1] / scales.half
-        gain = scales.energy * gain / (half * scales.half[0])
-        effort = scales.energy * effort / half - gain * scales.centre[0] + stiffness @ scales.centre[1:]
-        offsets = of_units[:, k + 1] - weights @ scales.centre
-        return Network(weights, offsets, scales.energy * of_units[:, k + 2], effort, gain, stiffness)
+        weights = of_units[:, : m + k] / scales.half
+        gains = scales.energy * gain.reshape(m, k).T / np.outer(half, scales.half[:m])
+        effort = scales.energy * effort / half - gains @ scales.centre[:m] + stiffness @ scales.centre[m:]
+        offsets = of_units[:, m + k] - weights @ scales.centre
+        factors = scales.energy * of_units[:, m + k + 1]
+        return Network(weights, offsets, factors, effort, gains[:, 0] if m == 1 else gains, stiffness)
 
     def _units(self, theta: Any) -> Any:
         """(g · units, width)."""
@@ -165,27 +182,29 @@ class ResidualSystem:
 
     def _unit(self, theta: Any, x: Any) -> Any:
         """(n, r) what one unit adds to τ, to ∂τ/∂p and to the upper triangle of ∂τ/∂u."""
-        torch, k = self.torch, self.k
-        w = theta[: k + 1]
-        z = x @ w + theta[k + 1]
+        torch, d = self.torch, self.m + self.k
+        w = theta[:d]
+        z = x @ w + theta[d]
         bell = torch.rsqrt(1 + z * z)
-        slopes = (z * bell)[:, None] * w[1:]
+        slopes = (z * bell)[:, None] * w[self.m :]
         curvatures = (bell**3)[:, None] * (w[self.first] * w[self.second])
-        return -theta[k + 2] * torch.cat([slopes, curvatures], dim=1)
+        return -theta[d + 1] * torch.cat([slopes, curvatures], dim=1)
 
     def _plain(self, x: Array) -> Array:
         """(n, r, q) what the quadratic form adds to the same, by its q parameters."""
-        k = self.k
-        rows = np.zeros((len(x), 2 * k + len(self.upper[0]), 2 * k + len(self.upper[0])))
-        axes = np.arange(k)
+        k, m = self.k, self.m
+        rows = np.zeros((len(x), self.rows, self.rows))
+        axes, of_upper = np.arange(k), (1 + m) * k
         rows[:, axes, axes] = 1.0
-        rows[:, axes, k + axes] = x[:, :1]
-        rows[:, k + axes, k + axes] = 1.0
+        for of_input in range(m):
+            place = (1 + of_input) * k + axes
+            rows[:, axes, place] = x[:, of_input : of_input + 1]
+            rows[:, place, place] = 1.0
         for at, (i, j) in enumerate(zip(*self.upper, strict=True)):
-            rows[:, i, 2 * k + at] -= x[:, 1 + j]
+            rows[:, i, of_upper + at] -= x[:, m + j]
             if i != j:
-                rows[:, j, 2 * k + at] -= x[:, 1 + i]
-            rows[:, 2 * k + at, 2 * k + at] = -1.0
+                rows[:, j, of_upper + at] -= x[:, m + i]
+            rows[:, of_upper + at, of_upper + at] = -1.0
         return rows
 
 

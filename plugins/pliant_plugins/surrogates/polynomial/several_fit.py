@@ -1,7 +1,8 @@
 """A polynomial energy of several actuations and axes, fitted to whole states; its degrees chosen by leaving states out.
 
 Of a state everything is fitted at once: τ_i = −∂Π/∂u_i, its slopes by all actuations and axes, the energy
-Π = U − Σ a_j travel_j and ∂Π/∂a_j = −travel_j.
+Π = U − Σ a_j travel_j and ∂Π/∂a_j = −travel_j. Where no state knows its energy and travels (a table from a bench) the
+terms of the actuations alone, which have no effort, are left out.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import ModuleData
-from pliant.records.law import Domain
+from pliant.records.law import Domain, JointLaw
 from pliant_plugins.surrogates.polynomial.energy_system import DETERMINED, SLOPE_WEIGHT, WORST_CONDITION
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.several_law import FORM, Exponents, SeveralLaw, powers, product
@@ -62,7 +63,7 @@ def fit_several(data: ModuleData) -> FittedLaw:
     if not tried:
         raise UserError(
             f"the {len(states.fit)} states to fit determine no law of {len(data.actuations)} actuations and "
-            f"{len(data.axes)} axes: raise fem.max_states."
+            f"{len(data.axes)} axes: solve more (fem.max_states), or add rows to the table."
         )
     laws = [system.law(one) for one in tried]
     slopes = [largest_slope(law) for law in laws]
@@ -97,7 +98,7 @@ def fit_several(data: ModuleData) -> FittedLaw:
     return FittedLaw(law, report_axes(law, states, choice, slopes[place]))
 
 
-def largest_slope(law: SeveralLaw) -> float:
+def largest_slope(law: JointLaw) -> float:
     """The largest eigenvalue of ∂τ/∂u over the box: below zero where the law is stable."""
     box = law.domain.box
     points = scipy.stats.qmc.Sobol(len(box), scramble=False).random(PLACES)
@@ -111,8 +112,7 @@ def _degrees(system: _System) -> list[tuple[int, int]]:
     fitting = [
         (count, degrees)
         for degrees in DEGREES
-        if (count := len(terms_of(*degrees, system.m, system.k)))
-        <= min(MOST_TERMS * system.equations, MOST_OF_ALL)
+        if (count := len(system.terms(degrees))) <= min(MOST_TERMS * system.equations, MOST_OF_ALL)
     ]
     return [degrees for _, degrees in sorted(fitting)]
 
@@ -182,6 +182,11 @@ class _System:
                 found.append(({j: 1}, np.where(self.known, data.travel[:, j], np.nan), energy * half[j]))
         return found
 
+    def terms(self, degrees: tuple[int, int]) -> Exponents:
+        """(t, m + k) exponents of these degrees that the states can tell."""
+        every = terms_of(*degrees, self.m, self.k)
+        return every if self.with_energy else every[every[:, self.m :].any(axis=1)]
+
     @property
     def equations(self) -> int:
         return sum(int(np.isfinite(values).sum()) for _, values, _ in self.wanted)
@@ -189,7 +194,7 @@ class _System:
     def solve(self, degrees: tuple[int, int]) -> Candidate | None:
         """Least squares, and what is missed of each state by the others; None where they do not determine all terms."""
         data, m = self.data, self.m
-        exponents = terms_of(*degrees, m, self.k)
+        exponents = self.terms(degrees)
         at = np.column_stack([data.actuation, data.deformation])
         tables = [powers(at[:, d], self.maps[d], exponents[:, d], d >= m) for d in range(at.shape[1])]
         matrix, right, state = [], [], []

@@ -63,7 +63,10 @@ class SeveralLaw(JointLaw):
         return Effort(tau, by_a, by_u)
 
     def travel(self, actuation: Array, deformation: Array) -> Array:
-        """−∂Π/∂a (n, m): what each actuation works on, from the undeformed module; m³ of pressures."""
+        """−∂Π/∂a (n, m): what each actuation works on, from the undeformed module; m³ of pressures.
+
+        A law fitted to states without energies knows it up to a function of the actuations alone.
+        """
         tables = self._tables(actuation, deformation)
         return -np.stack(
             [product(tables, {j: 1}) @ self.coefficients for j in range(len(self.actuations))], axis=1
