@@ -18,7 +18,7 @@ from pliant.app import work
 from pliant.app.curves import predicted_points
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
-from pliant.app.open_model import Kept
+from pliant.app.open_model import AnswerCache
 from pliant.diagnosis.extension import Ground, extend
 from pliant.diagnosis.test_split import lock
 from pliant.errors import UserError
@@ -152,7 +152,7 @@ def test_copying_changes_no_saved_study(desk: Desk) -> None:
 
 
 def test_what_several_threads_ask_is_worked_out_once() -> None:
-    kept, begun = Kept(2), threading.Barrier(4)
+    kept, begun = AnswerCache(2), threading.Barrier(4)
     made: list[int] = []
 
     def work() -> int:

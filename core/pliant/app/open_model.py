@@ -34,7 +34,7 @@ from pliant.records.measurement import Measurement
 MOST_KEPT = 24  # predictions
 
 
-class Kept:
+class AnswerCache:
     """The results asked for last, by key; several threads may ask, and each result is worked out once."""
 
     def __init__(self, most: int = MOST_KEPT) -> None:
@@ -121,8 +121,8 @@ class OpenModel:
     measurement: Measurement
     off: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    _predicted: Kept = field(default_factory=lambda: Kept())
-    _noise: Kept = field(default_factory=lambda: Kept())
+    _predicted: AnswerCache = field(default_factory=lambda: AnswerCache())
+    _noise: AnswerCache = field(default_factory=lambda: AnswerCache())
 
     @staticmethod
     def open(path: Path, data: Sequence[Path], store: Path) -> OpenModel:
@@ -139,7 +139,11 @@ class OpenModel:
     def without(self, off: Sequence[str]) -> OpenModel:
         """The same with the readings of these runs switched off; specimens still live through them."""
         names = tuple(run.name for run in self.measurement.runs if run.name in set(off))
-        return self if names == self.off else replace(self, off=names, _predicted=Kept(), _noise=Kept())
+        return (
+            self
+            if names == self.off
+            else replace(self, off=names, _predicted=AnswerCache(), _noise=AnswerCache())
+        )
 
     @cached_property
     def read(self) -> Measurement:
