@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -189,5 +190,10 @@ def test_what_cannot_be_carried_is_said(tmp_path) -> None:
     carried = carried_chain(opened.bench, opened.study)
     said = " ".join(carried.sentences)
     assert "viscous_damping (it has a memory, or needs time)" in said and "pressure_offset" in said
-    assert "gravity_scale" not in said
+    assert "gravity_scale" not in said and "no mass" not in said
+    light = replace(
+        carried,
+        chain=carried.chain.with_(bodies=tuple(replace(b, mass_kg=0.0) for b in carried.chain.bodies)),
+    )
+    assert "give chain.module_mass" in " ".join(light.sentences)
     np.testing.assert_allclose(carried.chain.gravity_m_s2, [0.0, 0.0, -0.8 * 9.81])

@@ -29,6 +29,11 @@ class Carried:
             said.append(
                 "The law's error bar is not used by it: 'pliant simulate' with 'uncertainty' shows it."
             )
+        if not any(body.mass_kg for body in self.chain.bodies):
+            said.append(
+                "Its modules have no mass, so that no step of a dynamics engine is short enough for their law: "
+                "give chain.module_mass."
+            )
         return tuple(said)
 
 
