@@ -13,10 +13,11 @@ from pliant.report.figures.search_course import MOST_PAIRS, moving_median, shown
 from pliant.report.search_view import SearchView
 
 CANDIDATE = "#6f9dc2"
+MOST_DRAWN = 8000  # candidates; of more every n-th, while the best so far has all of them
 
 
 def history_chart(read: SearchView) -> Chart | None:
-    """Every candidate's objective and the best so far, branch by branch; None where none has an objective."""
+    """Candidates' objectives and the best so far, branch by branch; None where none has an objective."""
     scores = read.scores()
     finite = np.isfinite(scores)
     if not finite.any():
@@ -25,11 +26,12 @@ def history_chart(read: SearchView) -> Chart | None:
     branch, context = np.asarray(read.result.history.branch), np.asarray(read.result.history.context)
     names = read.branch_names()
     lines: list[ChartLine] = []
+    stride = -(-len(scores) // MOST_DRAWN)
     winner = read.best_of_branches()[0][0] if read.best_of_branches() else -1
     for k in np.unique(branch).tolist():
         mine = np.flatnonzero(branch == k)
         x, run = np.arange(1.0, len(mine) + 1), names[k] if len(names) > 1 else ""
-        lines.append(ChartLine("candidate", x, scores[mine], run, CANDIDATE, 0.0, 3.5))
+        lines.append(ChartLine("candidate", x[::stride], scores[mine][::stride], run, CANDIDATE, 0.0, 3.5))
         if not read.contextual:
             won = len(names) > 1 and k == winner
             look = (style.WARN, 2.4) if won else (style.SERIES[0], 1.8 if len(names) < 2 else 0.7)
@@ -55,16 +57,17 @@ def front_chart(read: SearchView) -> Chart | None:
     pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
     if not pairs or not read.result.best:
         return None
-    panels = []
+    panels, stride = [], -(-len(read.scores()) // MOST_DRAWN)
     for pair in pairs:
         one, other = (read.objectives[k] for k in pair)
         points = np.array(
             [[d.objectives[o.name] * o.unit.factor for o in (one, other)] for d in read.result.best]
         )
+        scores = [read.scores(k)[::stride] for k in pair]
         points = points[np.argsort(points[:, 0])]
         width = 1.2 if len(read.objectives) == 2 else 0.0
         lines = (
-            ChartLine("candidate", read.scores(pair[0]), read.scores(pair[1]), "", CANDIDATE, 0.0, 3.5),
+            ChartLine("candidate", scores[0], scores[1], "", CANDIDATE, 0.0, 3.5),
             ChartLine("front", points[:, 0], points[:, 1], "", style.WARN, width, 6.0),
         )
         axes = [ChartAxis(o.unit.label, o.unit.symbol) for o in (one, other)]
@@ -74,5 +77,6 @@ def front_chart(read: SearchView) -> Chart | None:
 
 
 def _steps(x: Array, y: Array) -> tuple[Array, Array]:
-    """Corners of a staircase that keeps each value until the next."""
-    return np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
+    """Corners of a staircase that keeps each value until it changes."""
+    turns = np.flatnonzero(np.append(True, y[1:] != y[:-1]) | (np.arange(len(y)) == len(y) - 1))
+    return np.repeat(x[turns], 2)[1:], np.repeat(y[turns], 2)[:-1]
