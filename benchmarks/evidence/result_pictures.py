@@ -82,7 +82,7 @@ def reliability(data: dict[str, Any]) -> Any:
     figure, axis = plt.subplots(figsize=(5, 4.6), layout="constrained")
     axis.plot([0, 1], [0, 1], color=GREY, lw=1)
     for row in found["bins"]:
-        spread = [[row["share"] - row["low"]], [row["high"] - row["share"]]]
+        spread = np.maximum([[row["share"] - row["low"]], [row["high"] - row["share"]]], 0.0)  # rounding
         axis.errorbar(row["stated"], row["share"], yerr=spread, color=BLUE, marker="o", ms=5, capsize=3)
     words = "" if found["error"] is None else f"error {found['error']:.3f}, Brier score {found['brier']:.3f}"
     axis.set(xlabel="stated probability of the first hypothesis", ylabel="share that is true")
@@ -99,7 +99,7 @@ def strength(data: dict[str, Any]) -> Any:
     shown = ((-0.1, ORANGE, "strictly", bands), (0.1, BLUE, "by class", [b["by_class"] for b in bands]))
     for offset, colour, label, values in shown:
         shares, low, high = (np.array([v[key] for v in values]) for key in ("share", "low", "high"))
-        spread = [shares - low, high - shares]
+        spread = np.maximum([shares - low, high - shares], 0.0)
         axis.errorbar(places + offset, shares, spread, fmt="o", color=colour, capsize=3, label=label)
     axis.set_xticks(places, [f"{b['above']:g} to {b['below']:g}\n{b['n']} sets" for b in bands])
     axis.set(xlabel="change of the readings, RMS in σ", ylabel="right effect named", ylim=(0, 1.03))
