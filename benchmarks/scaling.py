@@ -20,7 +20,8 @@ from pathlib import Path
 from unittest.mock import patch
 
 from benchmarks.output import ROOT, parser_of, write
-from benchmarks.soak import SEARCH
+from benchmarks.soak import LONGER
+from tests.cli.search_study import STUDY
 
 from pliant import api
 from pliant.diagnosis.fitting import Fitter
@@ -169,7 +170,7 @@ def of_fits(folder: Path) -> tuple[float, ...]:
 def of_a_candidate(folder: Path) -> tuple[float, float]:
     """CPU seconds of asking for and telling a candidate of the soaked search, and of evaluating it."""
     path, taken, plain = folder / "search.yaml", [], Evaluator.evaluate
-    path.write_text(SEARCH)
+    path.write_text(STUDY)
 
     def timed(self, values, context=-1):  # type: ignore[no-untyped-def]
         begun = time.thread_time()
@@ -177,10 +178,10 @@ def of_a_candidate(folder: Path) -> tuple[float, float]:
         taken.append(time.thread_time() - begun)
         return found
 
-    api.optimize(api.open_study(path, ["search.budget=16"], store=folder / "warm"), workers=1)
+    api.optimize(api.open_study(path, [*LONGER, "search.budget=16"], store=folder / "warm"), workers=1)
     with patch.object(Evaluator, "evaluate", timed):
         begun = time.process_time()
-        api.optimize(api.open_study(path, store=folder / "search"), workers=1)
+        api.optimize(api.open_study(path, LONGER, store=folder / "search"), workers=1)
         whole = time.process_time() - begun
     return (whole - sum(taken)) / len(taken), sum(taken) / len(taken)
 

@@ -36,6 +36,7 @@ from typing import Any
 
 from benchmarks.families.kill import SPRINGS
 from benchmarks.output import ROOT, parser_of, write
+from tests.cli.search_study import STUDY
 
 PLIANT = (sys.executable, "-m", "pliant")
 DISTURBED = ("killed", "killed", "killed", "full", "clock", "read-only", "calm")
@@ -51,25 +52,8 @@ _off, _time, _time_ns = float(os.environ["SOAK_CLOCK"]), time.time, time.time_ns
 time.time = lambda: _time() + _off
 time.time_ns = lambda: _time_ns() + int(1e9 * _off)
 """
-SEARCH = """\
-pliant: 1
-name: soaked-search
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 8, module_length: 11 mm, gravity: [0, 0, 0]}
-physics: quasistatic
-task: {kind: free_bending, pressure: 10 kPa, steps: 4}
-search:
-  variables:
-    task.pressure: {low: 2 kPa, high: 14 kPa}
-    chain.module_length: {low: 8 mm, high: 12 mm}
-  objective: abs(tip_x - 30 mm)
-  budget: 400
-optimizer: {kind: cmaes}
-"""
+# The toy search of the tests, made longer.
+LONGER = ("chain.modules=8", "task.steps=4", "search.budget=400")
 
 
 @dataclass(frozen=True)
@@ -98,7 +82,7 @@ def works(folder: Path) -> list[Work]:
     texts = {
         "springs": SPRINGS.replace("delay_s: 0.05", "delay_s: 0.01"),
         "other-springs": SPRINGS.replace("delay_s: 0.05", "delay_s: 0.01").replace("12 mm]", "11 mm]"),
-        "search": SEARCH,
+        "search": STUDY,
     }
     paths = {name: folder / f"{name}.yaml" for name in texts}
     for name, text in texts.items():
@@ -108,7 +92,7 @@ def works(folder: Path) -> list[Work]:
     return [
         Work("springs", ("fem", str(paths["springs"]), "--workers", "2")),
         Work("other-springs", ("fem", str(paths["other-springs"]), "--workers", "2")),
-        Work("search", ("optimize", str(paths["search"]))),
+        Work("search", ("optimize", str(paths["search"]), *LONGER)),
         Work("diagnosis", ("diagnose", bench, *few)),
     ]
 

@@ -4,6 +4,7 @@ import csv
 import os
 import re
 import subprocess
+import socket
 import sys
 
 import pytest
@@ -179,6 +180,14 @@ def test_a_scheduler_that_does_not_answer(fem, monkeypatch, scheduler, sentence)
     fem(GRID, "--scheduler", scheduler, workers=None).refused(sentence)
     monkeypatch.setitem(sys.modules, "distributed", None)
     fem(GRID, "--scheduler", scheduler, workers=None).refused("pip install 'pliant[cluster]'")
+
+
+def test_what_listens_and_says_nothing_is_no_scheduler(fem, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("pliant.execution.executors.CONNECT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        fem(GRID, "--scheduler", address, workers=None).refused(f"no scheduler answers at {address}")
 
 
 @pytest.mark.slow

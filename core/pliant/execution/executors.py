@@ -151,7 +151,7 @@ class DaskExecutor(FuturesExecutor):
             ) from None
         address = scheduler if "://" in scheduler else _address_in(Path(scheduler))
         try:
-            self._client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+            self._client = _client_of(distributed.Client, address)
         except Exception as error:  # what answers there may be no scheduler, and say anything
             cause = " ".join(str(error).split()) or type(error).__name__
             raise UserError(
@@ -161,6 +161,20 @@ class DaskExecutor(FuturesExecutor):
 
     def shutdown(self, at_once: bool) -> None:
         self._client.close(timeout=CONNECT_S)
+
+
+def _client_of(client: Callable[..., Any], address: str) -> Any:
+    """dask's client, or its error; a `TimeoutError` where what answers says nothing, on which it waits for ever."""
+    found: futures.Future[Any] = futures.Future()
+
+    def connect() -> None:
+        try:
+            found.set_result(client(address, timeout=CONNECT_S, set_as_default=False))
+        except Exception as error:  # of whatever kind: it is raised below
+            found.set_exception(error)
+
+    threading.Thread(target=connect, daemon=True).start()
+    return found.result(timeout=2 * CONNECT_S)
 
 
 # A number of processes, the address or file of a dask scheduler, an executor; None: a process for each CPU.

@@ -114,8 +114,22 @@ def opposed_table(count: int = 80) -> ModuleData:
     corners = np.array(list(product((0.0, 1.0), repeat=3)))
     at = np.vstack([corners, random.random((count - len(corners), 3))])
     p, u = PRESSURE_PA * at[:, :2], -0.4 + 0.8 * at[:, 2:]
-    effort, n = law.evaluate(p, u), len(at)
+    n = len(at)
     role = np.where((np.arange(n) % 5 == 4) & (np.arange(n) >= len(corners)), "check", "fit")
+    return _table(law, p, u, role, travel=np.full((n, 2), np.nan))
+
+
+def _table(law: JointLaw, p: Array, u: Array, role: Any, **own: Any) -> ModuleData:
+    """States of a law with every deformation held, without energies; `own` are further fields or others."""
+    effort, n = law.evaluate(p, u), len(p)
+    fields = {
+        "tau": effort.tau,
+        "dtau_dp": effort.dtau_dp,
+        "dtau_du": effort.dtau_du,
+        "energy_j": np.full(n, np.nan),
+        "travel": np.full(n, np.nan),
+        "explored": np.full(n, "y"),
+    }
     return ModuleData(
         design=Design("sample", {}),
         joint=law.joint,
@@ -124,17 +138,12 @@ def opposed_table(count: int = 80) -> ModuleData:
         actuation_name=law.actuation_name,
         actuation=p,
         deformation=u,
-        tau=effort.tau,
-        dtau_dp=effort.dtau_dp,
-        dtau_du=effort.dtau_du,
-        energy_j=np.full(n, np.nan),
-        travel=np.full((n, 2), np.nan),
         iterations=np.zeros(n, np.int64),
         wall_s=np.zeros(n),
-        explored=np.full(n, "y"),
         branch=np.full(n, "constrained"),
         status=np.full(n, "ok"),
         role=role,
+        **{**fields, **own},
     )
 
 
@@ -281,30 +290,15 @@ def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -
     signs = np.array([(i, j, k, m) for i in (0, 1) for j in (0, 1) for k in (0, 1) for m in (0, 1)])
     p[:16], explored[:16] = signs[:, 0] * PRESSURE_PA, "coupling"
     u[:16] = np.array([-0.3, -0.2, -0.3]) + signs[:, 1:] * np.array([0.6, 0.65, 0.6])
-    effort = law.evaluate(p, u)
-    step = 1e-3 * PRESSURE_PA
-    travel = (law.potential(p - step, u) - law.potential(p + step, u)) / (2 * step)
-    known, blank = (1.0 if slopes else np.nan), np.full(n, np.nan)
-    return ModuleData(
-        design=Design("sample", {}),
-        joint=law.joint,
-        axes=law.axes,
-        main_axis="y",
-        actuation_name=law.actuation_name,
-        actuation=p,
-        deformation=u,
-        tau=effort.tau,
-        dtau_dp=known * effort.dtau_dp,
-        dtau_du=known * effort.dtau_du,
-        energy_j=law.potential(p, u) + p * travel if energies else blank,
-        travel=travel if energies else blank,
-        iterations=np.zeros(n, np.int64),
-        wall_s=np.zeros(n),
-        explored=explored,
-        branch=np.full(n, "constrained"),
-        status=np.full(n, "ok"),
-        role=np.where((np.arange(n) >= 16) & (np.arange(n) // 4 % 5 == 0), "check", "fit"),
-    )
+    role = np.where((np.arange(n) >= 16) & (np.arange(n) // 4 % 5 == 0), "check", "fit")
+    own: dict[str, Any] = {"explored": explored}
+    if energies:
+        step = 1e-3 * PRESSURE_PA
+        travel = (law.potential(p - step, u) - law.potential(p + step, u)) / (2 * step)
+        own |= {"energy_j": law.potential(p, u) + p * travel, "travel": travel}
+    if not slopes:
+        own |= {"dtau_dp": np.full((n, 3), np.nan), "dtau_du": np.full((n, 3, 3), np.nan)}
+    return _table(law, p, u, role, **own)
 
 
 def coupled_law() -> EnergyLaw:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import deque
 from typing import Any, ClassVar, NamedTuple
 
@@ -152,9 +153,9 @@ class MeasuredEnv(ChainEnv):
         now, before = self._in_lengths(self._seen[-1]), self._in_lengths(self._seen[0])
         return self._clipped(now, before, self._share, self._goal())
 
+    @abstractmethod
     def _target_now(self) -> Array:
         """(3,) where the tip should be."""
-        raise NotImplementedError
 
     def _error_m(self) -> float:
         return float(np.linalg.norm(self._markers[-1] - self._target_now()))
