@@ -3,8 +3,8 @@
 import csv
 import os
 import re
-import subprocess
 import socket
+import subprocess
 import sys
 
 import pytest
