@@ -84,7 +84,8 @@ def main() -> None:
         print(
             f"step to {rod['end_rad']:.3f} rad, drag {STEP_DRAG_1_S} 1/s: the chain in MuJoCo is "
             f"{100 * rod['rms_of_span']:.2f} % of it off the rod (root mean square), "
-            f"{100 * rod['worst_of_span']:.1f} % at worst; rise {rod['chain_rise_s']:.4f} and {rod['rod_rise_s']:.4f} s, overshoot "
+            f"{100 * rod['worst_of_span']:.1f} % at worst; "
+            f"rise {rod['chain_rise_s']:.4f} and {rod['rod_rise_s']:.4f} s, overshoot "
             f"{100 * rod['chain_overshoot']:.1f} and {100 * rod['rod_overshoot']:.1f} %"
         )
         apart = float(np.abs(hz / rod_hz - 1.0).max())
