@@ -2,8 +2,8 @@
 
 As `benchmarks.families.kill` does with sweeps: the command runs in two worker processes, kill -9 takes the whole
 process group at a moment drawn by seed (one in five while it starts, the others while it evaluates), the same command
-runs again; where it is complete before all kills are spent, an empty store begins the next round. Counted of a search, whose engine here writes a line for each candidate that it
-loads:
+runs again; where it is complete before all kills are spent, an empty store begins the next round. Counted of a search,
+whose engine here writes a line for each candidate that it loads:
 
 - saved: what the journal in the store holds when the kill has come;
 - evaluated twice: a saved candidate that was loaded again beyond what an undisturbed search does (its winner is
