@@ -152,14 +152,16 @@ class CompiledLaws:
 
     @staticmethod
     def of(chain: ChainModel) -> CompiledLaws | None:
-        """The laws of a chain; None where one of them has no scalar form, or an actuator is turned about the axis.
+        """The laws of a chain; None where one of them has no scalar form, or an actuator's T is no number.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
         """
         scalars = [law.scalar() for law in chain.laws]
         known = [scalar for scalar in scalars if scalar is not None]
-        if len(known) < len(scalars) or any(actuator.rotation_rad for actuator in chain.actuators):
+        turned = any(actuator.rotation_rad for actuator in chain.actuators)
+        apart = chain.laws[0].joint == "extensible" and any(a.sign != 1.0 for a in chain.actuators)
+        if len(known) < len(scalars) or turned or apart:
             return None
         ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
         spans = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64)
