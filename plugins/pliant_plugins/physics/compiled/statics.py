@@ -145,7 +145,7 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
             first, second, third = _coefficients(x)
             _polynomial_of_skew(phi, x, first, second, turn)
             _times(rest, turn, rotations[i + 1])
-            if kind == SPHERICAL or kind == EXTENSIBLE:
+            if kind in (SPHERICAL, EXTENSIBLE):
                 _polynomial_of_skew(phi, x, second, third, jacobian)
                 _times(rest, jacobian, seen)
                 rest = seen
@@ -193,7 +193,7 @@ def _add(total, torsor, point, force):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
-    """Fills Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces on prismatic chains) and forces (n, 3), of what is beyond."""
+    """Fills Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces if prismatic) and forces (n, 3), of what is beyond."""
     kind, masses = body[0], body[8]
     gravity, tip_force, payload = loads[1], loads[2], loads[4]
     pivots, points, torsors, moments, forces = frame[12], frame[4], frame[8], frame[10], frame[13]
@@ -287,7 +287,7 @@ def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
         for b in range(a):
             for e in range(a):
                 block[b, e] = _dot(before[i, b], beyond[i, e])
-        if kind == SPHERICAL or kind == EXTENSIBLE:
+        if kind in (SPHERICAL, EXTENSIBLE):
             phi[:] = 0.0
             for b in range(turns):
                 phi[axes[b]] = q[i, b]
