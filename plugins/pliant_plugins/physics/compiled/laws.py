@@ -198,7 +198,7 @@ class CompiledLaws:
 
     @staticmethod
     def of(chain: ChainModel) -> CompiledLaws | None:
-        """The laws of a chain; None where one of them has no scalar form, or an actuator is turned about the axis.
+        """The laws of a chain; None where one of them has no scalar form, or an actuator's T is no number.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
@@ -208,7 +208,10 @@ class CompiledLaws:
     @staticmethod
     def in_place(chain: ChainModel, packed: PackedLaws | None) -> CompiledLaws | None:
         """The chain's laws, packed before, at its joints; None as for `of`."""
-        if packed is None or any(actuator.rotation_rad for actuator in chain.actuators):
+        extends = chain.laws[0].joint == "extensible"
+        turned = any(a.rotation_rad or (extends and a.sign != 1.0) for a in chain.actuators)
+        if packed is None or turned:
+            return None
             return None
         every, counts = (0, len(chain.actuators)), packed.counts
         of_joint = np.array([joint.law for joint in chain.joints])

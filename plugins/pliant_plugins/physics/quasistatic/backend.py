@@ -17,6 +17,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.physics import Capabilities, Case, PhysicsBackend, SimulationState, Variation
 from pliant.mechanics.efforts import actuation_values
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -177,9 +178,7 @@ class QuasistaticSimulation(Steppable):
 
 def newton_options(chain: ChainModel, config: QuasistaticConfig) -> NewtonOptions:
     """Tolerance, iterations and the longest move of a coordinate, in rad or m."""
-    reach = config.max_turn
-    if chain.laws[0].joint == "prismatic":
-        reach *= chain.length_m / chain.n_joints
+    reach = config.max_turn * float(ChainGeometry.of(chain).reach[0])
     return NewtonOptions(config.tolerance, config.max_iterations, reach)
 
 
@@ -187,7 +186,7 @@ class Quasistatic(PhysicsBackend):
     """Statics by Newton's method with the analytic stiffness of `pliant.mechanics.statics`."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"),
+        ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=False,
         internal_states=True,
         gradients=True,

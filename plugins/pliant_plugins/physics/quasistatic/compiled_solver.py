@@ -24,7 +24,7 @@ from pliant_plugins.physics.quasistatic.newton import (
     Solver,
 )
 
-KINDS = ("revolute", "spherical", "prismatic")
+KINDS = ("revolute", "spherical", "prismatic", "extensible")
 MOST_PACKS = 256
 NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
 
@@ -32,7 +32,8 @@ NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
 class Body(NamedTuple):
     """What of a chain does not move: kind of joint, its axes (a,), position, base rotation, offsets, rest rotations.
 
-    `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass.
+    `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass. `reach` is
+    `ChainGeometry.relative_reach`. A travel beside turns comes last and goes along the child's x.
     """
 
     kind: int
@@ -44,6 +45,7 @@ class Body(NamedTuple):
     rests: Array
     arms: Array
     masses: Array
+    reach: Array
 
     @staticmethod
     def of(chain: ChainModel) -> Body:
@@ -59,6 +61,7 @@ class Body(NamedTuple):
             _plain(geometry.rest_rotations),
             np.array([*(b.com_m for b in moving), chain.tip_offset_m], float),
             np.array([*(b.mass_kg for b in moving), 0.0], float),
+            _plain(geometry.relative_reach),
         )
 
 
