@@ -94,6 +94,7 @@ def story(user: PageUser, dropped: list[Path], hidden: list[str], store: Path) -
         "ticked": ticked,
         "doubts_of_the_right_one": doubts,
         "aside": {"as_it_was": plain, **aside},
+        "effects": {name: list(one) for name, one in effects.items()},
         "within_2_percent": bool(aside["mine"] <= (1.0 + CLOSE) * aside["improve"]),
         "false_add": false,
         "warned": warned,
