@@ -20,7 +20,7 @@ from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import AXES, main_axis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Equilibrium
+from pliant.records.rollout import Equilibrium, OutsideDomain
 from pliant_plugins.physics.compiled.equilibrium import settle
 from pliant_plugins.physics.compiled.laws import PackedLaws
 from pliant_plugins.physics.quasistatic.compiled_solver import KINDS, NO_BODIES, NO_ROWS
@@ -139,7 +139,7 @@ def _equilibrium(
     converged, stable, size, iterations, outside = row
     if not converged:
         return None
-    left = ()
+    left: tuple[OutsideDomain, ...] = ()
     if outside:
         left = JointEfforts(case.chain).outside_domain(q, case.inputs.actuation)
     return Equilibrium(
