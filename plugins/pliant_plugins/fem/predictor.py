@@ -16,15 +16,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from pliant.records.design import Array
+from pliant.records.fem import IntArray
 from pliant_plugins.fem.newton import Control, FemEquilibrium, FemSystem
 
 NEIGHBOURS = 8  # known equilibria that are interpolated, for each component of z
 LENGTH = 1.0  # of the kernel, by what is covered along each component
 NUGGET = 1e-10  # of the kernel's diagonal
 ITERATIONS = 8  # for the axes that are free
-CLOSE = 1e-6  # of what is covered: how well these are known
+CLOSE = 1e-4  # of what is covered: how well these are known
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +100,18 @@ def expected(
 
 @dataclass(frozen=True, eq=False)
 class _Patch:
-    """Neighbouring anchors, the nearest first, with the kernel's matrix among them."""
+    """Neighbouring anchors, the nearest first, with the factors of the kernel's matrix among them."""
 
     near: list[Anchor]
     scale: Array
     moved: Array  # (d,) of bools
-    matrix: Array
+    factors: tuple[Array, IntArray]
 
     @staticmethod
     def of(near: list[Anchor], scale: Array, moved: Array) -> _Patch:
         z = np.array([anchor.z for anchor in near])[:, moved] / scale[moved]
         matrix = _kernel(z, z)
-        return _Patch(near, scale, moved, matrix + NUGGET * np.diag(np.diag(matrix)))
+        return _Patch(near, scale, moved, lu_factor(matrix + NUGGET * np.diag(np.diag(matrix))))
 
     def at(self, z: Array, what: Literal["x", "effort"] = "x") -> Array:
         """x (n,) or f (k,)."""
@@ -127,13 +129,18 @@ class _Patch:
             total += (getattr(anchor, f"{what}_by_z") - tilt) @ by_slope
         return total
 
-    def released(self, z: Array, free: Array, axes: Array, effort: Array) -> Array | None:
+    def released(self, z: Array, free: IntArray, axes: IntArray, effort: Array) -> Array | None:
         """z with the components `free`, of the axes `axes`, where these bear `effort`; None if that is not found."""
-        z, first = z.copy(), self.near[0]
-        z[free] = first.z[free]
+        z = z.copy()
+        z[free] = self.near[0].z[free]
         for _ in range(ITERATIONS):
-            missing = effort[axes] - self.at(z, "effort")[axes]
-            step = np.linalg.solve(first.effort_by_z[np.ix_(axes, free)], missing)
+            borne = self.at(z, "effort")[axes]
+            slopes = np.empty((len(axes), len(free)))
+            for column, place in enumerate(free.tolist()):
+                aside = z.copy()
+                aside[place] += CLOSE * self.scale[place]
+                slopes[:, column] = (self.at(aside, "effort")[axes] - borne) / (CLOSE * self.scale[place])
+            step = np.linalg.solve(slopes, effort[axes] - borne)
             z[free] += step
             if np.all(np.abs(step) <= CLOSE * self.scale[free]):
                 return z
@@ -143,7 +150,7 @@ class _Patch:
         """(N, 1 + d') of the anchors' values and of their scaled slopes, d' being the components that moved."""
         at = np.array([anchor.z for anchor in self.near])[:, self.moved] / self.scale[self.moved]
         row = _kernel((z[self.moved] / self.scale[self.moved])[None], at)[0]
-        return np.linalg.solve(self.matrix, row).reshape(len(self.near), -1)
+        return np.asarray(lu_solve(self.factors, row)).reshape(len(self.near), -1)
 
 
 def _kernel(a: Array, b: Array) -> Array:

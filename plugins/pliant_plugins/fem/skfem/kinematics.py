@@ -129,7 +129,7 @@ def strain_energy(
     hessian = np.empty((points[0] if second else 0, points[1], count, count))
 
     def flat(array: Array) -> Array:
-        return np.ascontiguousarray(array).reshape(-1, *array.shape[2:])
+        return np.ascontiguousarray(array).reshape(array.shape[0] * array.shape[1], *array.shape[2:])
 
     law_slopes(
         *(flat(array) for array in (law.stress, law.tangent, at.g, at.dg, at.first)),
