@@ -46,10 +46,7 @@ class Pardiso:
 
     name = "pardiso"
     _ANALYSE, _FACTORISE, _SOLVE, _SYMMETRIC_INDEFINITE = 11, 22, 33, -2
-    # MKL's iparm, from 1: own values, METIS, refinements only of perturbed pivots, perturbation 1e-8, 2 × 2 pivots,
-    # factorisation on two levels
-    _PLAIN = ((1, 1), (2, 2), (8, 0), (10, 8), (21, 1), (24, 1))
-    # … refinements, perturbation, scaling, matching, 2 × 2 pivots
+    # MKL's iparm, from 1: own values, METIS, refinements, perturbation 1e-8, scaling, matching, 2 × 2 pivots
     _SCALED = ((1, 1), (2, 2), (8, 2), (10, 8), (11, 1), (13, 1), (21, 1))
 
     def __init__(self, pattern: Pattern) -> None:
@@ -67,7 +64,6 @@ class Pardiso:
 
         self._error, self._new = PyPardisoError, made
         self._mkl = self._new()
-        self._set(self._PLAIN)
         self._pattern, self._analysed, self._scaled = pattern, False, False
 
     def solve(self, values: Array, right: Array) -> Array:
@@ -84,17 +80,17 @@ class Pardiso:
                 return found
             self._mkl.free_memory(everything=True)
             self._mkl, self._analysed, self._scaled = self._new(), False, True
-            self._set(self._SCALED)
+            for place, value in self._SCALED:
+                self._mkl.set_iparm(place, value)
             return self._solved(matrix, right)
         except self._error as error:
             raise SingularMatrixError(str(error)) from error
 
-    def _set(self, values: tuple[tuple[int, int], ...]) -> None:
-        for place, value in values:
-            self._mkl.set_iparm(place, value)
-
     def again(self, right: Array) -> Array:
-        return self._run(self._SOLVE, self._matrix, np.asfortranarray(right))
+        try:
+            return self._run(self._SOLVE, self._matrix, np.asfortranarray(right))
+        except self._error as error:
+            raise SingularMatrixError(str(error)) from error
 
     def _solved(self, matrix: Any, right: Array) -> Array:
         nothing = np.zeros((matrix.shape[0], 1))
