@@ -1,4 +1,4 @@
-"""Motion in time: a beam's frequencies, masses and damping from a recording, measured runs by `follow_pressure`.
+"""Motion in time: a beam's frequencies, PyElastica's rod, damping from a recording, measured runs by `follow_pressure`.
 
 python -m benchmarks.motion [--picture]       prints, and writes benchmarks/out/motion.json
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,14 @@ from pliant.records.rollout import Rollout, TaskResult
 from pliant.testing.samples import linear_law
 from pliant_plugins.effects.inertia import lumped_inertia
 from pliant_plugins.tasks.follow_pressure import FollowPressure, FollowPressureConfig
+from pliant_plugins.tasks.responses import step_response, swings
 
 LENGTH_M, FLEXURAL_N_M2, LINE_KG_M = 0.3, 2e-3, 0.1
 # Roots of cos x cosh x = −1: a beam clamped at one end (Timoshenko, Vibration Problems in Engineering).
 ROOTS = np.array([1.8751041, 4.6940911])
 BEAM_HZ = ROOTS**2 / (2 * np.pi * LENGTH_M**2) * np.sqrt(FLEXURAL_N_M2 / LINE_KG_M)
+# A step beside PyElastica's rod, with damping in proportion to mass.
+STEP_PA, STEP_DRAG_1_S, RECORD_S = 5e3, 2.0, 4e-3
 RUNS, TRAINING = ("two_bellow_bending.csv", "two_bellow_bending_more.csv"), "7V"
 FOUND = (
     "[{kind: viscous_damping, time: 1.42 s}, {kind: sensor_bias, bias: -0.023 rad}, "
@@ -73,6 +77,22 @@ def main() -> None:
         ),
         Bar("the same, released in MuJoCo", float(np.abs(hz / BEAM_HZ - 1.0).max()), 0.01, "%", scale=100),
     ]
+    rod = beside_a_rod(hz)
+    if rod:
+        rod_hz = np.array([rod["mode_1_hz"], rod["mode_2_hz"]])
+        print(f"PyElastica's rod of 32 bends: {rod_hz} Hz, {100 * (rod_hz / BEAM_HZ - 1.0)} % off the beam")
+        print(
+            f"step to {rod['end_rad']:.3f} rad, drag {STEP_DRAG_1_S} 1/s: the chain in MuJoCo is "
+            f"{100 * rod['rms_of_span']:.2f} % of it off the rod (root mean square), "
+            f"{100 * rod['worst_of_span']:.1f} % at worst; "
+            f"rise {rod['chain_rise_s']:.4f} and {rod['rod_rise_s']:.4f} s, overshoot "
+            f"{100 * rod['chain_overshoot']:.1f} and {100 * rod['rod_overshoot']:.1f} %"
+        )
+        apart = float(np.abs(hz / rod_hz - 1.0).max())
+        bars.append(Bar("the chain's first two frequencies from the rod's", apart, 0.01, "%", scale=100))
+        bars.append(Bar("its answer to a step from the rod's", rod["rms_of_span"], 0.02, "%", scale=100))
+    else:
+        print("PyElastica is not installed: no rod beside it (pip install 'pliant[peers]')")
     with tempfile.TemporaryDirectory() as place:
         identified = damping_and_inertia(Path(place))
         told = ", ".join(
@@ -97,7 +117,13 @@ def main() -> None:
     numbers = {name: {k: v for k, v in one.items() if isinstance(v, float)} for name, one in runs.items()}
     write(
         "motion",
-        {"beam_hz": BEAM_HZ.tolist(), "order": order.tolist(), "identified": identified, "runs": numbers},
+        {
+            "beam_hz": BEAM_HZ.tolist(),
+            "order": order.tolist(),
+            "identified": identified,
+            "rod": rod,
+            "runs": numbers,
+        },
         bars,
     )
 
@@ -143,6 +169,40 @@ def released() -> TaskResult:
     )
     moves = engine("mujoco", timestep="0.5 ms", joint_damping=0.0, drag_1=0.0)
     return run_task(moves, FollowPressure(config), (), beam(32))
+
+
+def beside_a_rod(chain_hz: Array) -> dict[str, float]:
+    """PyElastica's rod let go like the chain, and both bent by a step; {} where it is not installed.
+
+    Of the rod's modes, fast ones among them that no engine here follows, those nearest to the chain's.
+    """
+    if find_spec("elastica") is None:
+        return {}
+    from benchmarks.physics.swinging_rod import SlenderRod, swing
+
+    rod = SlenderRod(LENGTH_M, FLEXURAL_N_M2, LINE_KG_M, 32)
+    per_pa = 1e-6 / FLEXURAL_N_M2  # curvature, by the gain of `beam`
+    free = swing(rod, 100.0 * per_pa, 0.0, 4.0, RECORD_S)
+    modes = np.array([hz for hz, _ in swings(RECORD_S, free.angle)])
+    nearest = [float(modes[np.argmin(np.abs(modes - hz))]) for hz in chain_hz]
+    stepped = swing(rod, 0.0, STEP_PA * per_pa, 4.0, RECORD_S, STEP_DRAG_1_S)
+    config = FollowPressureConfig(pressure_pa=STEP_PA, waveform="step", duration_s=4.0, record_s=RECORD_S)
+    moves = engine("mujoco", timestep="0.5 ms", joint_damping=0.0, drag_1=STEP_DRAG_1_S)
+    chain = run_task(moves, FollowPressure(config), (), beam(32))
+    assert chain.rollout is not None
+    bend, end = chain.rollout.joint_angles.sum(axis=(1, 2)), per_pa * STEP_PA * LENGTH_M
+    apart = np.interp(chain.rollout.time_s, stepped.time_s, stepped.angle) - bend
+    answers = {"chain": step_response(chain.rollout.time_s, bend)}
+    answers["rod"] = step_response(stepped.time_s, stepped.angle)
+    return {
+        "mode_1_hz": nearest[0],
+        "mode_2_hz": nearest[1],
+        "end_rad": end,
+        "rms_of_span": float(np.sqrt(np.mean(apart**2))) / end,
+        "worst_of_span": float(np.abs(apart).max()) / end,
+        **{f"{who}_rise_s": answer["rise_time_s"] for who, answer in answers.items()},
+        **{f"{who}_overshoot": answer["overshoot_share"] for who, answer in answers.items()},
+    }
 
 
 def study(folder: Path, **said: str) -> api.OpenStudy:

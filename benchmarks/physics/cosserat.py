@@ -61,7 +61,7 @@ class SettledRod:
         return float(self.cpu_s[min(last, len(self.cpu_s) - 1)])
 
 
-class _Rods(elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing, elastica.Damping):
+class Rods(elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing, elastica.Damping):
     """What PyElastica asks for: a class of one's own of the features wanted."""
 
 
@@ -72,7 +72,7 @@ def settle_rod(
     rod = _rod(law, options, segments)
     cell = float(np.min(np.diff(np.linalg.norm(rod.position_collection, axis=0))))
     step = COURANT * cell * math.sqrt(float(rod.mass.sum()) / float(rod.rest_lengths.sum()) / options.axial_n)
-    system: Any = _Rods()
+    system: Any = Rods()
     system.append(rod)
     clamped = {"constrained_position_idx": (0,), "constrained_director_idx": (0,)}
     damping = {"uniform_damping_constant": options.damping_per_s, "time_step": step}
@@ -113,7 +113,7 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
     make = elastica.CosseratRod.straight_rod
     rod = make(len(elements), *frame, float(nodes[-1]), radius, 1.0, **stiff)
     logging.disable(logging.NOTSET)
-    _weigh(rod, elements, nodes, lengths, np.array([s.mass_kg / s.length_m for s in cells]), radius)
+    weigh(rod, elements, nodes, lengths, np.array([s.mass_kg / s.length_m for s in cells]), radius)
     for k in range(len(elements)):
         rod.shear_matrix[..., k] = options.axial_n * np.eye(3)
     stiffness, rest = _module(law)
@@ -127,7 +127,7 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
     return rod
 
 
-def _weigh(rod: Any, elements: Array, nodes: Array, cells: Array, density: Array, radius: float) -> None:
+def weigh(rod: Any, elements: Array, nodes: Array, cells: Array, density: Array, radius: float) -> None:
     """Masses of the nodes and inertias of the elements; `density` in kg/m is that of the cells."""
     ends = np.concatenate([[0.0], np.cumsum(cells)])
     mass_before = np.concatenate([[0.0], np.cumsum(density * cells)])

@@ -142,6 +142,28 @@ def test_a_short_rod_settles_where_the_chain_does() -> None:
     assert np.linalg.norm(rod.tip_m - tip) < 0.05e-3
 
 
+@pytest.mark.slow
+def test_a_rod_let_go_swings_as_a_beam_does() -> None:
+    pytest.importorskip("elastica")
+    from benchmarks.motion import BEAM_HZ, FLEXURAL_N_M2, LENGTH_M, LINE_KG_M
+    from benchmarks.physics.swinging_rod import SlenderRod, swing
+
+    rod = SlenderRod(LENGTH_M, FLEXURAL_N_M2, LINE_KG_M, 16)
+    free = swing(rod, 0.05, 0.0, 2.5 / BEAM_HZ[0], 0.02)
+    assert free.angle[0] == pytest.approx(0.05 * LENGTH_M)
+
+    def left(first_hz: float) -> float:
+        """What two modes in the beam's ratio leave of the motion."""
+        angle = 2 * np.pi * first_hz * np.outer(free.time_s, BEAM_HZ / BEAM_HZ[0])
+        waves = np.hstack([np.cos(angle), np.sin(angle)])
+        return float(np.linalg.norm(free.angle - waves @ np.linalg.lstsq(waves, free.angle, rcond=None)[0]))
+
+    tried = BEAM_HZ[0] * np.linspace(0.8, 1.2, 201)
+    assert min(tried, key=left) == pytest.approx(BEAM_HZ[0], rel=0.02)
+    held = swing(rod, 0.05, 0.05, 0.2, 0.02)
+    np.testing.assert_allclose(held.angle, 0.05 * LENGTH_M, rtol=1e-6)
+
+
 def test_random_designs_repeat_and_wrong_answers_are_found_out() -> None:
     cases, again = random_cases(3), random_cases(3)
     assert [case.chain.n_joints for case in cases] == [case.chain.n_joints for case in again]

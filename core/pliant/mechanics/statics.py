@@ -16,6 +16,7 @@ the chain is planar, and keeps the chain conservative where it is not.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -74,7 +75,7 @@ class Loads:
             for part in dataclasses.fields(load)[1:]:
                 given[f"{part.name} of load {number + 1}"] = getattr(load, part.name)
         for name, value in given.items():
-            if not np.all(np.isfinite(value)):
+            if not (math.isfinite(value) if isinstance(value, float) else np.isfinite(value).all()):
                 raise UserError(f"{name} is {value}: an input needs a finite number")
         if inputs.moment_n_m and chain.laws[0].joint == "prismatic":
             raise UserError("a chain of prismatic joints takes no end moment: leave moment_n_m at 0")
@@ -92,7 +93,8 @@ class Loads:
     @staticmethod
     def unactuated(chain: ChainModel) -> Loads:
         """The chain's gravity alone."""
-        return Loads.of(chain, Inputs({actuator.input: 0.0 for actuator in chain.actuators}))
+        nothing = {actuator.input: 0.0 for actuator in chain.actuators}
+        return Loads(nothing, np.asarray(chain.gravity_m_s2, float))
 
     @staticmethod
     def none(chain: ChainModel) -> Loads:

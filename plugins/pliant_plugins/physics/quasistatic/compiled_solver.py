@@ -15,7 +15,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, Response
 from pliant_plugins.physics.compiled.equilibrium import settle
-from pliant_plugins.physics.compiled.laws import CompiledLaws
+from pliant_plugins.physics.compiled.laws import CompiledLaws, PackedLaws
 from pliant_plugins.physics.compiled.response import respond as compiled_respond
 from pliant_plugins.physics.quasistatic.newton import (
     ChainSolution,
@@ -98,9 +98,11 @@ class Packs:
         """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
         base = (chain.base_position_m, chain.base_rotation)
         parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
-        laws = ("laws", *map(id, chain.laws), id(chain.joints), chain.actuators)
+        laws = tuple(map(id, chain.laws))
         body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
-        return body, self._keep(laws, chain, CompiledLaws.of)
+        packed = self._keep(("laws", laws), chain, lambda c: PackedLaws.of(c.laws))
+        placed = ("joints", laws, id(chain.joints), chain.actuators)
+        return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, packed))
 
     def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Any]) -> Any:
         known = self._kept.get(key)
@@ -132,7 +134,7 @@ def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> 
         converged, stable, size, iterations = found
         return ChainSolution(q, size, converged, stable, iterations, markers, not outside)
 
-    if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
+    if not settle.overloads:  # compile or load now, so that no equilibrium's time includes it
         solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))
     return solve
 
