@@ -215,7 +215,6 @@ class CompiledLaws:
         turned = any(a.rotation_rad or (extends and a.sign != 1.0) for a in chain.actuators)
         if packed is None or turned:
             return None
-            return None
         every, counts = (0, len(chain.actuators)), packed.counts
         of_joint = np.array([joint.law for joint in chain.joints])
         return CompiledLaws(
