@@ -32,11 +32,11 @@ SNR = 2.5
 CLOSE = 0.02
 
 
-def specs(count: int, protocol: str) -> list[SetSpec]:
-    """Kinds in turn, other seeds in each round."""
+def specs(count: int, protocol: str, first: int = 0) -> list[SetSpec]:
+    """Kinds in turn, other seeds in each round; `first` goes on where an earlier call stopped."""
     return [
         SetSpec(KINDS[k % len(KINDS)], 500 + k, "functional", "joint", protocol, "calibration", SNR)
-        for k in range(count)
+        for k in range(first, first + count)
     ]
 
 
@@ -94,6 +94,7 @@ def story(user: PageUser, dropped: list[Path], hidden: list[str], store: Path) -
         "ticked": ticked,
         "doubts_of_the_right_one": doubts,
         "aside": {"as_it_was": plain, **aside},
+        "effects": {name: list(one) for name, one in effects.items()},
         "within_2_percent": bool(aside["mine"] <= (1.0 + CLOSE) * aside["improve"]),
         "false_add": false,
         "warned": warned,
@@ -107,11 +108,12 @@ def _effects(study: Path, store: Path) -> Effects:
 def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--protocol", default="example")
     given = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as text:
-        for k, spec in enumerate(specs(given.cases, given.protocol)):
+        for k, spec in enumerate(specs(given.cases, given.protocol, given.first)):
             folder = Path(text) / f"user-{k}"
             folder.mkdir()
             rows.append(played(spec, folder, Path(text) / "store"))

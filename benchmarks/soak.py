@@ -171,7 +171,7 @@ class Soak:
         return _read(out)
 
     def _judge(self, work: Work, found: Any) -> None:
-        different = list(_differences(self.wanted[work.name], found))
+        different = list(differences(self.wanted[work.name], found))
         if different:
             self.count.wrong.append(f"{work.name}: another answer: {'; '.join(different[:4])}")
 
@@ -237,14 +237,14 @@ class _read_only:  # noqa: N801 - a context
             folder.chmod(mode)
 
 
-def _differences(wanted: Any, found: Any, place: str = "") -> Any:
+def differences(wanted: Any, found: Any, place: str = "") -> Any:
     """Where two results differ but in what is `APART`."""
     if isinstance(wanted, dict) and isinstance(found, dict):
         for key in sorted({*wanted, *found} - APART):
-            yield from _differences(wanted.get(key), found.get(key), f"{place}.{key}")
+            yield from differences(wanted.get(key), found.get(key), f"{place}.{key}")
     elif isinstance(wanted, list) and isinstance(found, list) and len(wanted) == len(found):
         for number, pair in enumerate(zip(wanted, found, strict=True)):
-            yield from _differences(*pair, f"{place}[{number}]")
+            yield from differences(*pair, f"{place}[{number}]")
     elif wanted != found:
         yield f"{place}: {str(found)[:80]}, undisturbed {str(wanted)[:80]}"
 

@@ -1,6 +1,7 @@
 """Settings of all tests, and FEM states for those that need some but do not test the FEM."""
 
 import csv
+import gc
 import os
 from pathlib import Path
 
@@ -22,6 +23,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+def pytest_collection_finish() -> None:
+    """Garbage is collected less often, and never among what is loaded by now: it took a tenth of the suite's time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(2000, 20, 50)
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
     python -m benchmarks.physics.scaling      prints, and writes benchmarks/out/physics_scaling.json
 
 Helices of 8 to 256 modules of the study's sizes under their own weight. Times are CPU seconds of
-`apply` and `settle`; designs per second are by the clock.
+`apply` and `settle`; designs, rollouts and laws per second are by the clock, on one core and on all.
 """
 
 from __future__ import annotations
@@ -11,17 +11,22 @@ from __future__ import annotations
 import os
 import statistics
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from benchmarks.output import engine, settle, write
-from benchmarks.physics.helix import helix, helix_law, inputs, of_size, random_cases
+import numpy as np
+from benchmarks.output import Bar, engine, settle, write
+from benchmarks.physics.helix import PRESSURE_PA, helix, helix_law, inputs, of_size, random_cases
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.physics import PhysicsBackend, Run
 from pliant.records.chain import ChainModel
+from pliant.records.history import History
 
 MODULES = (8, 16, 32, 64, 128, 256)
 BATCHES = (1, 2, 8, 32, 128, 512)
+HISTORIES, LAWS, STATES = (4, 32), (4, 32), 20_000
 # An engine that took longer than this on a chain is not asked for the next, longer one.
 PATIENCE_S = 2.0
 
@@ -63,33 +68,66 @@ def _settled(backend: PhysicsBackend, chain: ChainModel) -> dict[str, Any]:
 
 
 def designs() -> list[dict[str, Any]]:
-    """Designs per second of `settle_batch`, models built included, the machine's cores against one: best of five.
-
-    Where other programs use the cores, CPU seconds per second say how much of them was left.
-    """
+    """Designs per second of `settle_batch`, models built included."""
     backend = engine("quasistatic")
     cases = random_cases(max(BATCHES), seed=1, modules=(18, 26))
     backend.settle_batch(cases[:2])
+    print("designs of 18 to 26 modules, settled, per second")
+    return [_on_cores("designs", n, lambda n=n: backend.settle_batch(cases[:n])) for n in BATCHES]
+
+
+def rollouts() -> list[dict[str, Any]]:
+    """Histories of 1 s per second of MuJoCo's `rollout_batch`, of one helix under pressures of its own each."""
+    backend, chain = engine("mujoco"), helix(helix_law(), of_size(8))
+    time_s = np.linspace(0.0, 1.0, 21)
+    tops = PRESSURE_PA * np.linspace(0.2, 1.0, max(HISTORIES))
+    runs = [Run(chain, History.of({"pressure_pa": top * time_s}, time_s)) for top in tops]
+    backend.rollout_batch(runs[:2])
+    print("histories of 1 s of a helix of 8 modules, rolled out, per second")
+    return [_on_cores("rollouts", n, lambda n=n: backend.rollout_batch(runs[:n])) for n in HISTORIES]
+
+
+def laws() -> list[dict[str, Any]]:
+    """Laws per second, each evaluated at `STATES` states, in a thread a core as who calls them would do it."""
+    random = np.random.default_rng(0)
+    actuation, turns = PRESSURE_PA * random.random(STATES), random.uniform(-0.3, 0.3, (STATES, 3))
+    each = [case.chain.laws[0] for case in random_cases(max(LAWS), seed=2, modules=(6, 6))]
+    each[0].evaluate(actuation, turns)
+
+    def work(count: int) -> None:
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+            list(pool.map(lambda law: law.evaluate(actuation, turns), each[:count]))
+
+    print(f"laws of three axes, evaluated at {STATES} states, per second")
+    return [_on_cores("laws", n, lambda n=n: work(n)) for n in LAWS]
+
+
+def _on_cores(what: str, count: int, work: Callable[[], Any]) -> dict[str, Any]:
+    """Rates on one core and on all, the best of five each, and the cores that it got: other programs use them, too."""
     cores, before = os.cpu_count() or 1, os.sched_getaffinity(0)
-    rows = []
-    print(f"designs of 18 to 26 modules; designs/s on 1 thread, on {cores} (in brackets: cores that it got)")
-    for count in BATCHES:
-        rates, got = {}, {}
-        for threads in (1, cores):
-            # Threads made meanwhile stay on these cores.
-            os.sched_setaffinity(0, set(sorted(before)[:threads]))
-            runs = []
-            for _ in range(5):
-                start, busy = time.perf_counter(), time.process_time()
-                backend.settle_batch(cases[:count])
-                wall = time.perf_counter() - start
-                runs.append((count / wall, (time.process_time() - busy) / wall))
-            rates[str(threads)], got[str(threads)] = max(runs)
-            os.sched_setaffinity(0, before)
-        rows.append({"designs": count, "per_s": rates, "cores_got": got})
-        print(f"{count:7d}  " + "".join(f"{rates[k]:10.0f} ({got[k]:.2f})" for k in rates), flush=True)
-    return rows
+    rates, got = {}, {}
+    for threads in (1, cores):
+        # Threads made meanwhile stay on these cores.
+        os.sched_setaffinity(0, set(sorted(before)[:threads]))
+        runs = []
+        for _ in range(5):
+            start, busy = time.perf_counter(), time.process_time()
+            work()
+            wall = time.perf_counter() - start
+            runs.append((count / wall, (time.process_time() - busy) / wall))
+        rates[str(threads)], got[str(threads)] = max(runs)
+        os.sched_setaffinity(0, before)
+    gain = rates[str(cores)] / rates["1"]
+    cells = "".join(f"{rates[k]:10.0f} on {k} (cores that it got: {got[k]:.2f})" for k in rates)
+    print(f"{count:7d}  {cells}   gain {gain:.2f}", flush=True)
+    return {what: count, "per_s": rates, "cores_got": got, "gain": gain}
 
 
 if __name__ == "__main__":
-    write("physics_scaling", {"modules": modules(), "designs": designs()})
+    batches = {"designs": designs(), "rollouts": rollouts(), "laws": laws()}
+    last = [
+        Bar(f"{name} on all cores, gain", rows[-1]["gain"], 1.85, "times", at_most=False)
+        for name, rows in batches.items()
+    ]
+    print(*last, sep="\n")
+    write("physics_scaling", {"modules": modules(), **batches, "bars": [bar.json() for bar in last]})

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
+import threading
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -79,6 +83,30 @@ def test_a_stated_law_opens_the_model_that_its_study_opens(bench: Path) -> None:
     ours, theirs = (one.view()["model"]["steps"][0] for one in (made, by_hand))
     assert ours["error"] == pytest.approx(theirs["error"], rel=1e-12)
     assert "task:" in STUDY  # which a comparison does not need
+
+
+def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, solved = threading.Event(), []
+
+    def solve(bench: Any, study: Any) -> None:
+        bar = bench.progress.begin("FEM states", 20)
+        for _ in range(1000):
+            solved.append(1)
+            bar.advance()
+            begun.set()
+            time.sleep(0.01)
+
+    monkeypatch.setattr("pliant.app.desk.chain_of_study", solve)
+    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    desk.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
+    assert begun.wait(20)
+    assert re.match(r"FEM states: \d+ of about \d+", desk.pulse()["job"]["words"])
+    desk.stop()
+    desk.bench.wait()
+    assert len(solved) < 1000 and desk.state.pending is None and not desk.state.study
+    assert "stopped; what was solved is kept" in desk.said[-1]
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,9 @@ from pliant.app.inbox import receive, safe_name
 from pliant.app.server import application
 from pliant.errors import UserError
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
-from pliant.report.document import Document, Picture, drawn
+from pliant.report.document import Document, Picture, drawn, section
 from pliant.report.render import page
+from pliant.report.scene import DrawnScene
 
 from .conftest import STUDY, recording
 
@@ -82,7 +83,7 @@ def test_scripts_of_a_report_are_allowed_by_what_is_in_them(empty: tuple[TestCli
     assert allowed is not None and "unsafe" not in allowed[1] and "allow-same-origin" not in policy
     scripts = re.findall(r"<script>(.*?)</script>", page(_moving_document()).html, re.DOTALL)
     digests = [base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts]
-    assert len(scripts) == 3
+    assert len(scripts) == 5
     assert sorted(allowed[1].split()) == sorted(f"'sha256-{one}'" for one in digests)
 
 
@@ -90,7 +91,9 @@ def _moving_document() -> Document:
     x = np.arange(3.0)
     chart = Chart((Panel(ChartAxis("a"), ChartAxis("b"), (ChartLine("measured", x, x),)),))
     shown = Picture("one", "one", np.zeros(8, np.uint8), chart)
-    return Document(kind="k", title="t", sentence="s", data={}, draw=lambda: drawn(shown))
+    scene = DrawnScene("state", ("a", "b"), (), (), (), np.eye(3), np.zeros(3), 1.0)
+    turned = section("In space", Picture("two", "two", np.zeros(8, np.uint8), scene=scene))
+    return Document(kind="k", title="t", sentence="s", data={}, draw=lambda: drawn(shown, turned))
 
 
 @pytest.mark.parametrize(

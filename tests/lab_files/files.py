@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from functools import cache
 
 import numpy as np
 from tests.lab_files.lab_file import SAMPLES, LabFile, digits, part, rows, text
@@ -31,8 +32,9 @@ from tests.lab_files.written import (
 )
 
 
+@cache
 def lab_files() -> list[LabFile]:
-    """All files, made anew."""
+    """All files, made once."""
     return [*european(), *instruments(), *spreadsheets(), *clocks(), *several(), *doubted(), *refused()]
 
 

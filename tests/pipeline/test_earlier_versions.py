@@ -9,6 +9,7 @@ import pytest
 from tests.slow import slow_among
 from typer.testing import CliRunner
 
+from pliant import api
 from pliant.cli.verbs import app
 from pliant.pipeline import dataset
 from pliant.store.store import ARRAYS, MANIFEST, _json_digest, digests, load_artifact
@@ -83,7 +84,8 @@ def test_the_run_folder_gives_its_report(earlier: Path) -> None:
 @pytest.mark.parametrize("study", slow_among(STUDIES, "finger.yaml"))
 def test_studies_are_fitted_and_compared(earlier: Path, study: str) -> None:
     before = json.loads((EARLIER / "run" / "run.json").read_text())["summary"]
-    fitted = _json(earlier, "fit", str(earlier / study), "--out", str(earlier / "fit"))
-    assert fitted["heldout"]["rmse"] == pytest.approx(before["fit"]["heldout"]["rmse"], rel=1e-9)
-    compared = _json(earlier, "compare", str(earlier / study), "--out", str(earlier / "compare"))
-    assert compared["outputs"]["angle_rad"]["n"] == 12
+    opened = api.open_study(earlier / study, store=earlier / "store")
+    (fitted,) = api.laws(opened)
+    assert fitted.law.report is not None
+    assert fitted.law.report.rmse == pytest.approx(before["fit"]["heldout"]["rmse"], rel=1e-9)
+    assert api.compare(opened).outputs["angle_rad"].n == 12

@@ -274,7 +274,7 @@ def test_mirror_images_of_a_sliding_piece_make_the_block() -> None:
     assert _volume(whole) == pytest.approx(96e-9)
     assert free_title(data, shapes[1]) == "Free at 0.5 kPa: u = 2.00 mm"
     assert "100 kPa" in stress_caption(data)
-    section = shape_section([("a", data)])
+    section = shape_section([("a", data, None)])
     assert section is not None
     assert [p.name for p in section.pictures] == ["module_shape", "module_stress"]
     assert "an eighth is solved" in section.pictures[0].caption

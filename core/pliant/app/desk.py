@@ -222,7 +222,7 @@ class Desk:
 
         def go(job: Job) -> None:
             job.words = "the law of one module; what is solved once is kept"
-            opened = api.open_study(path, store=self.store)
+            opened = api.open_study(path, store=self.store, progress=job)
             chain_of_study(opened.bench, opened.study)
 
         def ended(job: Job, said: str) -> None:

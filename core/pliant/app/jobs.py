@@ -17,7 +17,7 @@ class Job:
     """What runs.
 
     Attributes:
-        what: fit, diagnose, improve or screen.
+        what: fit, diagnose, improve or describe.
         key: of its result.
         words: what is under way within it.
         done: hypotheses that were fitted.
@@ -29,6 +29,7 @@ class Job:
     done: int = 0
     began: float = field(default_factory=time.monotonic)
     stop: threading.Event = field(default_factory=threading.Event)
+    _stage: tuple[str, int, int] = ("", 0, 0)
 
     def tick(self, hypothesis: str) -> None:
         """A hypothesis was fitted; raises `StoppedError` once the job shall stop."""
@@ -36,6 +37,35 @@ class Job:
         self.done += 1
         if self.stop.is_set():
             raise StoppedError
+
+    # As `Progress` of stages and as its bar, so that what solves states is watched and can be stopped between two.
+
+    def begin(self, title: str, total: int, done: int = 0) -> Job:
+        """A stage begins some steps."""
+        self._stage = (title, total, done)
+        self.advance(0)
+        return self
+
+    def advance(self, steps: int = 1) -> None:
+        """Some are done; raises `StoppedError` once the job shall stop."""
+        title, total, done = self._stage
+        self._stage = (title, max(total, done + steps), done + steps)
+        self.words = f"{title}: {done + steps} of about {self._stage[1]}"
+        if self.stop.is_set():
+            raise StoppedError
+
+    def expect(self, total: int) -> None:
+        """The number of steps is now thought to be another one."""
+        self._stage = (self._stage[0], total, self._stage[2])
+
+    def describe(self, text: str) -> None:
+        """What is under way within a step is not shown."""
+
+    def finish(self) -> None:
+        """The stage ended."""
+
+    def note(self, text: str) -> None:
+        """Remarks of stages stand in reports."""
 
     def as_json(self) -> dict[str, Any]:
         """For the page."""
@@ -77,7 +107,8 @@ class Bench:
         try:
             work(job)
         except StoppedError:
-            said = f"'{job.what}' was stopped; nothing of the model changed."
+            kept = "what was solved is kept" if job.what == "describe" else "nothing of the model changed"
+            said = f"'{job.what}' was stopped; {kept}."
         except PliantError as error:
             said = str(error)
         except Exception as error:  # the page says it instead of a dead thread

@@ -10,17 +10,21 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import uvicorn
 
 from pliant.app.desk import Desk
+from pliant.app.open_model import OpenModel
 from pliant.app.server import application
 from pliant.errors import PliantError, UserError
+from pliant.examples_shipped import copy_example
 from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
 from pliant.registry.discovery import discover
 
 LOOPBACK = "127.0.0.1"
 FIRST_PORT, TRIED = 8642, 40
+WARMED_BY = "hidden-effect"
 
 
 def serve(desk: Desk, port: int, browse: bool, say: Callable[[str], None]) -> None:
@@ -66,13 +70,20 @@ def serve(desk: Desk, port: int, browse: bool, say: Callable[[str], None]) -> No
 
 
 def warm() -> None:
-    """Import what the first study needs, while the user still looks for files."""
+    """Import and compile what the first study needs, while the user still looks for files."""
     registry = discover()
     usual = [("surrogate", DEFAULT_SURROGATE), ("physics", DEFAULT_PHYSICS)]
     for interface, kind in (*usual, *(("effect", kind) for kind in registry.kinds("effect"))):
         with suppress(PliantError):  # said where a study needs it
             registry.get(interface, kind).implementation_class()
     import_module("pliant.evidence.comparison")
+    with (
+        suppress(PliantError, OSError),
+        TemporaryDirectory() as text,
+    ):  # compiles what follows runs, or loads it
+        folder = Path(text)
+        study, *data = (folder / name for name in sorted(copy_example(WARMED_BY, folder), reverse=True))
+        OpenModel.open(study, [one for one in data if one.suffix == ".csv"], folder / "store").predicted(())
 
 
 def _bound(port: int, exact: bool) -> socket.socket:

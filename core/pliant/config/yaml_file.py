@@ -140,7 +140,10 @@ def _parse(text: str, path: Path) -> CommentedMap:
 def neighbours(path: Path) -> str:
     """Ends a sentence on a file that is not there with the studies that lie in its folder."""
     folder = path.parent
-    names = sorted(p.name for p in folder.glob("*.y*ml"))[:5] if folder.is_dir() else []
+    try:
+        names = sorted(p.name for p in folder.glob("*.y*ml"))[:5] if folder.is_dir() else []
+    except OSError:  # a name longer than the system has them
+        names = []
     return f"; {folder} holds {', '.join(names)}" if names else ""
 
 

@@ -131,9 +131,12 @@ class Gatherer:
             self.limit //= 2
 
     def _run_ids(self, runs: Cells, lines: Array) -> Array:
-        ids = np.array([self._ids.get(name, -1) for name in runs], int)
+        known = {name: self._ids.get(name, -1) for name in dict.fromkeys(runs)}
+        for name in [name for name, run in known.items() if run < 0 and name.strip()]:
+            known[name] = self._id(name.strip(), int(lines[runs.index(name)]))
+        ids = np.array([known[name] for name in runs], int)
         for index in np.flatnonzero(ids < 0):
-            ids[index] = self._id(runs[index].strip(), int(lines[index]))
+            self._id("", int(lines[index]))
         for index in np.flatnonzero(np.diff(ids, prepend=self._now)):
             run = int(ids[index])
             if run in self._begun:

@@ -33,6 +33,11 @@ class TermMemory:
     dt_s: float = math.inf
     temperature_c: float = REFERENCE_TEMPERATURE_C
 
+    @staticmethod
+    def at_rest(terms: Sequence[LawTerm], shape: tuple[int, int]) -> TermMemory:
+        """The memory of a virgin chain with n joints of a axes."""
+        return TermMemory(np.zeros(shape), np.zeros((*shape, sum(term.n_states for term in terms))))
+
     def over(self, dt_s: float) -> TermMemory:
         """The same past before a step of another duration."""
         return replace(self, dt_s=dt_s)
@@ -61,11 +66,10 @@ class LawTerms:
         self._states = [
             slice(end - t.n_states, end) for end, t in zip(ends.tolist(), self.terms, strict=True)
         ]
-        self.n_states = int(ends[-1]) if self.terms else 0
 
     def rested(self) -> TermMemory:
         """The memory of a virgin chain at rest."""
-        return TermMemory(np.zeros(self.shape), np.zeros((*self.shape, self.n_states)))
+        return TermMemory.at_rest(self.terms, self.shape)
 
     def contribution(self, q: Array, actuation: float | Array, memory: TermMemory) -> Contribution:
         """Values at coordinates q (n, a) under a net actuation, one of all joints or (n,)."""

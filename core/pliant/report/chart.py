@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -99,13 +100,14 @@ class Chart:
 
 
 @dataclass
-class _Pool:
-    """Packed lists of numbers, each once."""
+class PackedLists:
+    """Lists of numbers as 16-bit levels between their ends, each list once: what a page of 3 MB needs."""
 
     lists: dict[tuple[float, float, str], int] = field(default_factory=dict)
 
     def place(self, values: Array) -> int:
-        values = np.asarray(values, float)
+        """The list's number among all; an array of more axes is read row by row."""
+        values = np.asarray(values, float).ravel()
         known = np.isfinite(values)
         low = float(values[known].min()) if known.any() else 0.0
         span = float(values[known].max()) - low if known.any() else 0.0
@@ -114,21 +116,25 @@ class _Pool:
         packed = (low, span, base64.b64encode(codes.tobytes()).decode("ascii"))
         return self.lists.setdefault(packed, len(self.lists))
 
+    def as_json(self) -> list[dict[str, Any]]:
+        """All lists by their numbers."""
+        return [{"low": low, "span": span, "levels": levels} for low, span, levels in self.lists]
+
 
 def as_script_data(chart: Chart) -> str:
-    """The chart as JSON that may stand inside a script element, whatever names its runs have.
-
-    Lists of numbers are packed as 16-bit levels between their ends, which a page of 3 MB needs.
-    """
-    pool = _Pool()
+    """The chart as JSON that may stand inside a script element, whatever names its runs have."""
+    pool = PackedLists()
     panels = [_panel(panel, pool) for panel in chart.panels]
-    lists = [{"low": low, "span": span, "levels": levels} for low, span, levels in pool.lists]
-    text = json.dumps({"pairs": chart.pairs, "lists": lists, "panels": panels}, separators=(",", ":"))
-    # JSON allows these as escapes, and no name can then close the element or open a comment.
+    return script_json({"pairs": chart.pairs, "lists": pool.as_json(), "panels": panels})
+
+
+def script_json(values: Mapping[str, Any]) -> str:
+    """JSON that no name in it can end early: the element cannot be closed, no comment opened."""
+    text = json.dumps(values, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _panel(panel: Panel, pool: _Pool) -> dict[str, Any]:
+def _panel(panel: Panel, pool: PackedLists) -> dict[str, Any]:
     lines = [
         {
             **_named(line),

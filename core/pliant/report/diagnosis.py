@@ -75,7 +75,7 @@ LITTLE_LEFT = (
     "Leave the model as it is unless so small an error matters to you; no effect can take more of it away."
 )
 # Verdicts whose demand is the next run; without one, more of everything.
-UNDECIDED = ("ambiguous", "insufficient_data")
+NEEDS_RUNS = ("ambiguous", "insufficient_data")
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
 
 
@@ -131,7 +131,7 @@ def _demand(found: Diagnosis) -> str:
         return RECORD
     if found.judgement.selected_class:
         return DEMANDS["class"]
-    decided = found.next_run is not None or verdict not in UNDECIDED
+    decided = found.next_run is not None or verdict not in NEEDS_RUNS
     return DEMANDS[verdict] if decided else RECORD
 
 

@@ -18,6 +18,7 @@ from pliant import __version__
 from pliant.formatting import Unit, displayed, number
 from pliant.records.remark import Rank
 from pliant.report.chart import Chart, as_script_data
+from pliant.report.scene import DrawnScene
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -157,13 +158,14 @@ def brief_table(columns: Sequence[Column[Row]], rows: Sequence[Row], note: str =
 class Picture:
     """A picture of a page: its file's name, its caption, its PNG bytes (uint8), and the data behind it.
 
-    A page shows the `chart` in place of the PNG where its reader lets scripts run.
+    A page shows the `chart`, or the `scene` in space, in place of the PNG where its reader lets scripts run.
     """
 
     name: str
     caption: str
     png: NDArray[np.uint8]
     chart: Chart | None = None
+    scene: DrawnScene | None = None
 
     @property
     def data_url(self) -> str:
@@ -172,7 +174,9 @@ class Picture:
 
     @property
     def script_data(self) -> str:
-        """The chart as JSON for a script element; "" without one."""
+        """The scene or the chart as JSON for a script element; "" without any."""
+        if self.scene is not None:
+            return self.scene.script_data
         return "" if self.chart is None else as_script_data(self.chart)
 
 

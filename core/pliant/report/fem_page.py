@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
+from pliant.records.law import JointLaw
 from pliant.report.charts.law import states_chart
 from pliant.report.document import (
     Cells,
@@ -35,6 +36,7 @@ from pliant.report.fem_view import (
 from pliant.report.figures.fem import cost_picture, sampling_picture, states_picture
 from pliant.report.figures.module import can_show, has_stress, module_shape, module_stress, stress_caption
 from pliant.report.provenance import Manifests, closing_sections
+from pliant.report.scenes.module import module_scene
 
 SHOWN = 6  # designs whose pictures are drawn
 IMAGES = {0: "the whole is solved", 1: "half is solved", 2: "a quarter is solved", 3: "an eighth is solved"}
@@ -45,7 +47,7 @@ STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published stud
 
 def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifests: Manifests) -> Drawn:
     """The states of the first design on top, then all of them."""
-    shapes = shape_section([(d.name, d.data.axis(d.data.main_axis)) for d in designs])
+    shapes = shape_section([(d.name, d.data.axis(d.data.main_axis), None) for d in designs])
     if shapes is not None and any(len(d.data.actuations) > 1 for d in designs):
         # Pictures of states are over one actuation; the table has them all.
         hero, *others = shapes.pictures
@@ -56,16 +58,21 @@ def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifes
     return drawn(hero, shapes, states, *rest, *closing_sections(study, manifests))
 
 
-def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
-    """Meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any."""
+def shape_section(designs: Sequence[tuple[str, FemDataset, JointLaw | None]]) -> Section | None:
+    """Meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any.
+
+    `designs`: of each its name, its data, and the law that was fitted to them.
+    """
     pictures = []
-    for n, (name, data) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
+    for n, (name, data, law) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
         links = " The rigid links beside the flexure are not drawn."
         mirrors = data.shapes[0].mirrors
         images = IMAGES[len(mirrors)] + ("; the rest are mirror images." if mirrors else ".")
         caption = f"{name}: the mesh at rest and on the free branch, orthographic, one scale; {images}"
         caption += links if data.actuation_name == "tendon_force_n" else ""
-        pictures.append(Picture(numbered("module_shape", n), caption, module_shape(data)))
+        pictures.append(
+            Picture(numbered("module_shape", n), caption, module_shape(data), scene=module_scene(data, law))
+        )
         if has_stress(data):
             caption = stress_caption(data)
             pictures.append(Picture(numbered("module_stress", n), caption, module_stress(data)))

@@ -90,7 +90,10 @@ def page(document: Document) -> Page:
         sections=drawn.sections,
         version=document.version,
         footer=footer,
-        moving=moving(any(picture.chart is not None for picture in _pictures(drawn))),
+        moving=moving(
+            any(picture.chart is not None for picture in _pictures(drawn)),
+            any(picture.scene is not None for picture in _pictures(drawn)),
+        ),
     )
     return Page(visible(html), {picture.name: picture.png for picture in _pictures(drawn)})
 
@@ -109,14 +112,18 @@ class Moving:
 
 
 @cache
-def moving(charts: bool = True) -> Moving:
-    """For tables alone, or for `charts` too, whose axes and pointer are uPlot's (MIT), the app's own copy."""
+def moving(charts: bool = True, scenes: bool = True) -> Moving:
+    """For tables alone, or for `scenes` and `charts` too; axes of charts are uPlot's (MIT), the app's own copy."""
     from markupsafe import Markup  # jinja's own
 
     templates, vendor = files("pliant.report") / "templates", files("pliant.app") / "static" / "vendor"
     code, style = [templates / "tables.js"], [templates / "moving.css"]
+    if scenes:
+        code = [templates / "scene.js", *code]
     if charts:
         code, style = [vendor / "uPlot.js", templates / "chart.js", *code], [vendor / "uPlot.css", *style]
+    if scenes or charts:
+        code = [templates / "parts.js", *code]
     sheets = "\n".join(sheet.read_text("utf-8") for sheet in style)
     return Moving(Markup(sheets), tuple(Markup(script.read_text("utf-8")) for script in code))
 

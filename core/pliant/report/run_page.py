@@ -33,6 +33,7 @@ from pliant.report.fit_tables import axes_table, score_cells, score_heads
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import closing_sections, nested, plain, stage_name
 from pliant.report.run_view import distances_m, gravity_words, spread_sentence, study_form
+from pliant.report.scenes.robot import robot_scene
 
 TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
@@ -56,8 +57,8 @@ def run_drawn(run: FinishedRun) -> Drawn:
         parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
     caption = capital("; ".join(filter(None, parts))) + "."
     return drawn(
-        Picture("finger", caption, finger_picture(run)),
-        shape_section([(d.name, d.fem) for d in run.designs if d.fem is not None]),
+        Picture("finger", caption, finger_picture(run), scene=robot_scene(run)),
+        shape_section([(d.name, d.fem, d.law) for d in run.designs if d.fem is not None]),
         *states,
         _laws(run),
         _poses(run),

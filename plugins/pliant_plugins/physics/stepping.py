@@ -15,7 +15,7 @@ from pliant.errors import UserError
 from pliant.interfaces.physics import Simulation, SimulationState, Variation
 from pliant.mechanics.kinematics import base_rotations
 from pliant.mechanics.statics import Loads
-from pliant.mechanics.terms import LawTerms
+from pliant.mechanics.terms import LawTerms, TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
@@ -31,7 +31,7 @@ class Steppable(Simulation):
         self.chain = chain
         self._loads = Loads.unactuated(chain)
         # Of law terms, before a step that takes for ever: engines put their own step in.
-        self._memory = LawTerms(chain.terms, (chain.n_joints, len(chain.axes))).rested()
+        self._memory = TermMemory.at_rest(chain.terms, (chain.n_joints, len(chain.axes)))
         self._time_s = 0.0
 
     def warm(self, temperature_c: float) -> None:

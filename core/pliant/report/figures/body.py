@@ -85,9 +85,7 @@ def at_actuation(
     shapes: Sequence[ModuleShape], sections: Sequence[SectionShape], value: float
 ) -> SectionShape:
     """The shape at this actuation, interpolated between the solved ones; clipped to their range."""
-    levels = np.array([shape.actuation for shape in shapes])
-    order = np.argsort(levels, kind="stable")
-    place = float(np.interp(value, levels[order], np.arange(len(order))))
+    order, place = level_of(shapes, value)
     low = sections[order[int(np.floor(place))]]
     high = sections[order[int(np.ceil(place))]]
     part = place - np.floor(place)
@@ -97,6 +95,13 @@ def at_actuation(
         length_m=(1 - part) * low.length_m + part * high.length_m,
         values=(1 - part) * low.values + part * high.values,
     )
+
+
+def level_of(shapes: Sequence[ModuleShape], value: float) -> tuple[IntArray, float]:
+    """The shapes' order by actuation, and where in it this actuation lies; clipped to their range."""
+    levels = np.array([shape.actuation for shape in shapes])
+    order = np.argsort(levels, kind="stable")
+    return order, float(np.interp(value, levels[order], np.arange(len(order))))
 
 
 def module(piece: SectionShape, theta: float, closed: Sequence[bool] = (True, True)) -> Surface:
@@ -140,20 +145,32 @@ def finger(
         turns: (n,) rotation of each module about the chain axis, rad, relative to the base.
         position, rotation: pose of the base in the world, (3,) and (3, 3).
     """
-    parts, path = [], [np.asarray(position, float)]
-    frame, origin, before = np.asarray(rotation, float), np.asarray(position, float), 0.0
+    middles, centres, path = poses(pieces, joint_angles, turns, position, rotation)
     last = len(pieces) - 1
-    for number, (piece, angle, turn) in enumerate(zip(pieces, joint_angles, turns, strict=True)):
+    parts = [
+        module(piece, angle / 2, (number == 0, number == last)).moved(middles[number], centres[number])
+        for number, (piece, angle) in enumerate(zip(pieces, joint_angles, strict=True))
+    ]
+    return Surface.joined(parts), path
+
+
+def poses(
+    pieces: Sequence[SectionShape], joint_angles: Array, turns: Array, position: Array, rotation: Array
+) -> tuple[Array, Array, Array]:
+    """Of a finger's modules the rotations (n, 3, 3) and centres (n, 3) of their middle sections, and the path."""
+    middles, centres, path = [], [], [np.asarray(position, float)]
+    frame, origin, before = np.asarray(rotation, float), np.asarray(position, float), 0.0
+    for piece, angle, turn in zip(pieces, joint_angles, turns, strict=True):
         frame, before = frame @ exp_map(np.array([turn - before, 0.0, 0.0])), float(turn)
         half, reach = piece.end_pose(angle / 2)
         # the start section in the middle's frame is the mirror image of the end section
         middle = frame @ half
         centre = origin - middle @ (reach * np.array([-1.0, 1.0, 1.0]))
-        closed = (number == 0, number == last)
-        parts.append(module(piece, angle / 2, closed).moved(middle, centre))
         origin, frame = centre + middle @ reach, middle @ half
+        middles.append(middle)
+        centres.append(centre)
         path.append(origin)
-    return Surface.joined(parts), np.array(path)
+    return np.array(middles), np.array(centres), np.array(path)
 
 
 def _unroll(

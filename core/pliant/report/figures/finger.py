@@ -10,6 +10,7 @@ import numpy as np
 
 from pliant.formatting import actuation_unit, display_unit
 from pliant.records.design import Array
+from pliant.records.fem import ModuleShape
 from pliant.report.figures import body, rendering, style
 from pliant.report.figures.law import draw_law
 from pliant.report.figures.module import can_show, show, stretch_bar, stretch_limits
@@ -65,11 +66,29 @@ def finger_picture(run: FinishedRun) -> style.Png:
         return style.png(figure)
 
 
-def finger_bodies(run: FinishedRun) -> Bodies | None:
-    """The finger's bodies, or None where the shapes do not describe its modules.
+@dataclass(frozen=True, eq=False)
+class ShapedModules:
+    """A planar finger whose modules have FEM shapes: by design shapes and sections, by module design and turn."""
 
-    Each module has the free FEM shape at the present pressure, bent to its joint's angle in the first engine.
-    """
+    shapes: list[Sequence[ModuleShape]]
+    sections: list[list[body.SectionShape]]
+    designs: list[int]
+    turns: Array
+    position: Array
+    rotation: Array
+
+    def poses(self, value: float, angles: Array) -> tuple[Array, Array, Array]:
+        """Of the modules' middle sections at an actuation and angles (n,): rotations, centres, path of the ends."""
+        pieces = self.pieces(value)
+        return body.poses([pieces[d] for d in self.designs], angles, self.turns, self.position, self.rotation)
+
+    def pieces(self, value: float) -> list[body.SectionShape]:
+        """Of each design the shape at an actuation."""
+        return [body.at_actuation(s, c, value) for s, c in zip(self.shapes, self.sections, strict=True)]
+
+
+def shaped_modules(run: FinishedRun) -> ShapedModules | None:
+    """The finger's modules, or None where no shapes describe them."""
     data = [d.fem for d in run.designs]
     modules, given, engines = module_designs(run), actuation(run), run.engines
     chain = chain_config(run)
@@ -80,19 +99,31 @@ def finger_bodies(run: FinishedRun) -> Bodies | None:
         return None
     if not all(d.shapes[0].mirrors == ("x", "y") for d in data if d is not None):
         return None
-    shapes = [d.shapes for d in data if d is not None]
-    sections = [body.unrolled(s) for s in shapes]
-    position, rotation = base_pose(run)
     designs, turns = modules
+    if len(engines[0].result.final.joint_angles) != len(designs):
+        return None
+    shapes = [d.shapes for d in data if d is not None]
+    position, rotation = base_pose(run)
+    return ShapedModules(
+        list(shapes), [body.unrolled(s) for s in shapes], designs, np.array(turns), position, rotation
+    )
+
+
+def finger_bodies(run: FinishedRun) -> Bodies | None:
+    """The finger's bodies, or None where the shapes do not describe its modules.
+
+    Each module has the free FEM shape at the present pressure, bent to its joint's angle in the first engine.
+    """
+    modules, given, engines = shaped_modules(run), actuation(run), run.engines
+    if modules is None or given is None:
+        return None
 
     def at(value: float, angles: Array) -> tuple[list[body.SectionShape], rendering.Surface, Array]:
-        pieces = [body.at_actuation(s, c, value) for s, c in zip(shapes, sections, strict=True)]
-        surface, path = body.finger([pieces[d] for d in designs], angles, np.array(turns), position, rotation)
-        return pieces, surface, path
+        pieces = modules.pieces(value)
+        own = [pieces[d] for d in modules.designs]
+        return pieces, *body.finger(own, angles, modules.turns, modules.position, modules.rotation)
 
     final = engines[0].result.final.joint_angles[:, 0]
-    if len(final) != len(designs):
-        return None
     levels = history_levels(engines[0].result, GHOSTS)
     between = [(value, *at(value, angles[:, 0])[1:]) for value, angles, _ in levels]
     pieces, settled, path = at(given[1], final)

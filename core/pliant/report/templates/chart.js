@@ -1,14 +1,7 @@
 "use strict";
 // Moving pictures of a report: each chart's data stands beside its still picture, and is drawn over uPlot when seen.
 (() => {
-  const SOFT = "#5c6577", GRID = "#eef0f4", NEAR = 24, MISSING = 65535, LEVELS = 65534;
-  const make = (tag, at, text) => { const e = document.createElement(tag);
-    for (const [k, v] of Object.entries(at || {})) e.setAttribute(k, v);
-    if (text !== undefined) e.textContent = text; return e; };
-  const unpack = list => { const raw = atob(list.levels), out = new Float64Array(raw.length / 2);
-    for (let k = 0; k < out.length; k++) { const code = raw.charCodeAt(2 * k) + 256 * raw.charCodeAt(2 * k + 1);
-      out[k] = code === MISSING ? NaN : list.low + list.span * code / LEVELS; }
-    return out; };
+  const {make, unpack} = PliantParts, SOFT = "#5c6577", GRID = "#eef0f4", NEAR = 24;
   const words = (value, axis) => `${axis.label} ${Number(value.toPrecision(4))}${axis.unit ? ` ${axis.unit}` : ""}`;
   const ends = (low, high, share) => { const pad = share * (high - low) || 0.5 * Math.abs(high) || 1; return [low - pad, high + pad]; };
 
@@ -131,7 +124,7 @@
   }
 
   function chart(figure) {
-    const data = JSON.parse(figure.querySelector("script[type='application/json']").textContent);
+    const data = PliantParts.data(figure);
     const lists = data.lists.map(unpack), off = new Set(), live = make("div", {class: "chart"}), grid = make("div", {class: "panels"});
     const follow = (from, all) => { if (from.data.linked) for (const other of panels)
       if (other !== from && other.data.linked === from.data.linked) { other.view = all ? other.all() : {x: from.view.x, y: other.view.y}; other.rescale(); } };
@@ -171,7 +164,5 @@
     panels.forEach((p, k) => p.build(data.pairs && k % 2 ? (few ? 170 : 130) : few ? 340 : 230));
   }
 
-  const seen = new IntersectionObserver(entries => { for (const entry of entries) if (entry.isIntersecting) {
-    seen.unobserve(entry.target); chart(entry.target); } }, {rootMargin: "300px"});
-  for (const figure of document.querySelectorAll("figure[data-chart]")) seen.observe(figure);
+  PliantParts.whenSeen("figure[data-chart]", chart);
 })();

@@ -16,6 +16,7 @@ from numba.extending import register_jitable
 from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.law import JointLaw
 from pliant.records.term import LawTerm, numbers_of
 
 _F, _A, _M = types.float64, types.float64[::1], types.float64[:, ::1]
@@ -128,6 +129,51 @@ def compiled_terms(terms: Sequence[LawTerm], n_joints: int) -> tuple[Any, Any, A
 
 
 @dataclass(frozen=True, eq=False)
+class PackedLaws:
+    """What the compiled loops take of l laws of a axes, whatever chain they stand in.
+
+    Attributes:
+        addresses, less: (l,) see `CompiledLaws`; spans: (l, 2); boxes: (l, m + a, 2).
+        parameters: (P,) of all laws, one after another.
+        counts: how many actuations each law takes at once.
+    """
+
+    addresses: Any
+    spans: Any
+    parameters: Array
+    less: Array
+    boxes: Array
+    counts: tuple[int, ...]
+
+    @staticmethod
+    def of(laws: Sequence[JointLaw]) -> PackedLaws | None:
+        """None where one of them has no scalar form.
+
+        Raises:
+            UserError: a scalar form that cannot be compiled.
+        """
+        scalars = [law.scalar() for law in laws]
+        known = [scalar for scalar in scalars if scalar is not None]
+        if len(known) < len(scalars):
+            return None
+        ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
+        counts = tuple(len(law.actuations) for law in laws)
+        addresses = [law_address(s.function, count) for s, count in zip(known, counts, strict=True)]
+        boxes = [
+            np.vstack([np.tile(law.domain.box[:1], (max(counts) - count, 1)), law.domain.box])
+            for law, count in zip(laws, counts, strict=True)
+        ]
+        return PackedLaws(
+            np.array(addresses, np.int64),
+            np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64),
+            np.concatenate([np.asarray(scalar.parameters, float) for scalar in known]),
+            np.array([scalar.less_rest for scalar in known]),
+            np.array(boxes, float),
+            counts,
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class CompiledLaws:
     """Laws of n joints with a axes under k actuators.
 
@@ -152,37 +198,30 @@ class CompiledLaws:
 
     @staticmethod
     def of(chain: ChainModel) -> CompiledLaws | None:
-        """The laws of a chain; None where one of them has no scalar form, or an actuator is turned about the axis.
+        """The laws of a chain; None where one of them has no scalar form, or an actuator's T is no number.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
         """
-        scalars = [law.scalar() for law in chain.laws]
-        known = [scalar for scalar in scalars if scalar is not None]
-        if len(known) < len(scalars) or any(actuator.rotation_rad for actuator in chain.actuators):
+        return CompiledLaws.in_place(chain, PackedLaws.of(chain.laws))
+
+    @staticmethod
+    def in_place(chain: ChainModel, packed: PackedLaws | None) -> CompiledLaws | None:
+        """The chain's laws, packed before, at its joints; None as for `of`."""
+        extends = chain.laws[0].joint == "extensible"
+        turned = any(a.rotation_rad or (extends and a.sign != 1.0) for a in chain.actuators)
+        if packed is None or turned:
             return None
-        ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
-        spans = np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64)
-        counts = [len(law.actuations) for law in chain.laws]
-        addresses = np.array(
-            [law_address(s.function, count) for s, count in zip(known, counts, strict=True)], np.int64
-        )
-        most = max(counts)
-        boxes = [
-            np.vstack([np.tile(law.domain.box[:1], (most - count, 1)), law.domain.box])
-            for law, count in zip(chain.laws, counts, strict=True)
-        ]
-        drives = [(*chain.drives_of(joint), counts[joint.law]) for joint in chain.joints]
-        less = np.array([scalar.less_rest for scalar in known])
+        every, counts = (0, len(chain.actuators)), packed.counts
         of_joint = np.array([joint.law for joint in chain.joints])
         return CompiledLaws(
-            np.ascontiguousarray(addresses[of_joint]),
-            np.ascontiguousarray(spans[of_joint]),
-            np.concatenate([np.asarray(scalar.parameters, float) for scalar in known]),
+            packed.addresses[of_joint],
+            packed.spans[of_joint],
+            packed.parameters,
             np.array([actuator.sign for actuator in chain.actuators], float),
-            np.array(drives, np.int64),
-            np.ascontiguousarray(less[of_joint]),
-            np.ascontiguousarray(np.array(boxes, float)[of_joint]),
+            np.array([(*(joint.drives or every), counts[joint.law]) for joint in chain.joints], np.int64),
+            packed.less[of_joint],
+            packed.boxes[of_joint],
         )
 
     @property

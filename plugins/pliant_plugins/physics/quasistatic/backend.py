@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
@@ -17,8 +17,8 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.physics import Capabilities, Case, PhysicsBackend, SimulationState, Variation
 from pliant.mechanics.efforts import actuation_values
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.mechanics.terms import LawTerms
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -54,21 +54,24 @@ class QuasistaticSimulation(Steppable):
         chain: ChainModel,
         config: QuasistaticConfig,
         solver: Solver | None = None,
-        responder: Responder | None = None,
+        responder: Callable[[], Responder] | None = None,
     ) -> None:
         super().__init__(chain)
-        self._config, self._responder = config, responder
+        self._config, self._make_responder = config, responder
         options = newton_options(chain, config)
         self._solve = solver or (lambda q, loads: minimise(self._statics, loads, q, options))
         self._q = np.zeros((chain.n_joints, len(chain.axes)))
         # The last loads whose equilibrium is known: continuation starts there.
         self._settled_q, self._settled_loads = self._q, Loads.none(chain)
-        self._memory = LawTerms(chain.terms, self._q.shape).rested()
         self._settled: Equilibrium | None = None
 
     @cached_property
     def _statics(self) -> ChainStatics:
         return ChainStatics(self.chain)
+
+    @cached_property
+    def _responder(self) -> Responder | None:
+        return self._make_responder() if self._make_responder else None
 
     def apply(self, inputs: Inputs) -> None:
         actuation_values(self.chain.actuators, inputs.actuation)
@@ -175,9 +178,7 @@ class QuasistaticSimulation(Steppable):
 
 def newton_options(chain: ChainModel, config: QuasistaticConfig) -> NewtonOptions:
     """Tolerance, iterations and the longest move of a coordinate, in rad or m."""
-    reach = config.max_turn
-    if chain.laws[0].joint == "prismatic":
-        reach *= chain.length_m / chain.n_joints
+    reach = config.max_turn * float(ChainGeometry.of(chain).reach[0])
     return NewtonOptions(config.tolerance, config.max_iterations, reach)
 
 
@@ -185,7 +186,7 @@ class Quasistatic(PhysicsBackend):
     """Statics by Newton's method with the analytic stiffness of `pliant.mechanics.statics`."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"),
+        ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=False,
         internal_states=True,
         gradients=True,
@@ -202,16 +203,16 @@ class Quasistatic(PhysicsBackend):
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
         return QuasistaticSimulation(chain, self.config, *self._compiled(chain))
 
-    def _compiled(self, chain: ChainModel) -> tuple[Solver | None, Responder | None]:
+    def _compiled(self, chain: ChainModel) -> tuple[Solver | None, Callable[[], Responder] | None]:
         """The compiled ways; None for chains with law terms or laws that cannot be compiled."""
         if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
             return None, None
         from pliant_plugins.physics.quasistatic import compiled_solver as compiled  # numba takes a second
 
-        self._packs = self._packs or compiled.Packs()
+        packs = self._packs = self._packs or compiled.Packs()
         options = newton_options(chain, self.config)
-        solver = compiled.compiled_solver(chain, options, self._packs)
-        return solver, compiled.responder(chain, options, self._packs) if solver else None
+        solver = compiled.compiled_solver(chain, options, packs)
+        return solver, (lambda: compiled.responder(chain, options, packs)) if solver else None
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Each chain from its straight state, on all cores: compiled loops run beside each other."""

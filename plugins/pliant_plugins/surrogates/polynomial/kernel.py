@@ -84,9 +84,14 @@ def block(
     odd: float,
 ) -> Array:
     """(HEADER + I·J,) parameters of one axis: coefficients (I, J), maps of p and u, box (2, 2) of p and u."""
-    limits = np.clip(np.concatenate([box.ravel(), reach]), -UNBOUNDED, UNBOUNDED)
-    header = np.concatenate([coefficients.shape, *maps, limits, reference_gain, [odd]])
-    return np.concatenate([header, coefficients.ravel()])
+    packed = np.empty(HEADER + coefficients.size)
+    packed[0:2] = coefficients.shape
+    packed[2:4], packed[4:6] = maps
+    packed[6:10], packed[10:12] = box.ravel(), reach
+    np.minimum(np.maximum(packed[6:12], -UNBOUNDED), UNBOUNDED, out=packed[6:12])
+    packed[12:14], packed[14] = reference_gain, odd
+    packed[HEADER:] = coefficients.ravel()
+    return packed
 
 
 # Points that go through the coefficients together: their partial sums stay in the first-level cache.

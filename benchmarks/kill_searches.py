@@ -1,0 +1,214 @@
+"""Searches and diagnoses killed at random moments: python -m benchmarks.kill_searches [--searches 100] [--diagnoses 50]
+
+As `benchmarks.families.kill` does with sweeps: the command runs in two worker processes, kill -9 takes the whole
+process group at a moment drawn by seed (one in five while it starts, the others while it evaluates), the same command
+runs again; where it is complete before all kills are spent, an empty store begins the next round. Counted of a search,
+whose engine here writes a line for each candidate that it loads:
+
+- saved: what the journal in the store holds when the kill has come;
+- evaluated twice: a saved candidate that was loaded again beyond what an undisturbed search does (its winner is
+  simulated once more). There must be none; of a generation that was open, some may be, and are counted apart;
+- another answer: a round whose result differs from the undisturbed one in any number. There must be none.
+
+A diagnosis keeps nothing on its way, so that only its answers and its store are looked at. Prints the figures and
+writes them to benchmarks/out/kill_searches.json.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmarks.counted_engine import name_of
+from benchmarks.output import ROOT, parser_of, write
+from benchmarks.soak import differences
+from tests.cli.search_study import STUDY
+
+from pliant.search.run.journal import Journal
+
+SEARCH = STUDY.replace("physics: quasistatic", "physics: counted_quasistatic").replace(
+    "name: toy\n", f"name: killed-search\nplugins: ['{ROOT}/benchmarks/counted_engine.py']\n"
+)
+FEW = ("--effect", "viscoelastic", "--effect", "stiffness", "--effect", "sensor_lag")
+WORKERS = 2
+STARTING = 0.2  # share of the kills of a search that come before its first candidate
+
+
+@dataclass
+class Count:
+    """What the kills did."""
+
+    kills: int = 0
+    rounds: int = 0
+    candidates_begun: int = 0
+    saved_at_kills: int = 0
+    of_open_generations_again: int = 0
+    saved_and_evaluated_twice: int = 0
+    artifacts: int = 0
+    damaged: int = 0
+    wrong: list[str] = field(default_factory=list)
+    wall_s: float = 0.0
+
+    @property
+    def sound(self) -> bool:
+        """The same answers, nothing damaged, nothing that was saved evaluated twice."""
+        return not self.wrong and self.damaged == self.saved_and_evaluated_twice == 0
+
+
+class Killing:
+    """One command, killed again and again."""
+
+    def __init__(self, command: Sequence[str], folder: Path, seed: int) -> None:
+        self.command, self.folder, self.random = list(command), folder, random.Random(seed)
+        self.log, self.count = folder / "loaded.log", Count()
+
+    def run(self, kills: int) -> Count:
+        """All kills; every round goes on to its end, and its answer is compared with an undisturbed one."""
+        begun = time.monotonic()
+        wanted = self._finished("whole")
+        whole_s, once = time.monotonic() - begun, Counter(self._loaded())
+        while self.count.kills < kills:
+            store = f"killed{self.count.rounds}"
+            self.log.unlink(missing_ok=True)
+            saved: list[
+                tuple[int, set[str]]
+            ] = []  # after each kill: lines by then, and what the journal holds
+            while self.count.kills < kills and self._killed(store, whole_s, once):
+                saved.append((len(self._loaded()), self._saved(store)))
+            found = self._finished(store)
+            different = list(differences(wanted, found))
+            if different:
+                self.count.wrong.append(f"round {self.count.rounds}: {'; '.join(different[:4])}")
+            self._judge(saved, once)
+            self._verify(store)
+            self.count.rounds += 1
+            shutil.rmtree(self.folder / store, ignore_errors=True)
+        self.count.wall_s = time.monotonic() - begun
+        return self.count
+
+    def _start(self, store: str, *options: str) -> subprocess.Popen[str]:
+        place = ("--store", str(self.folder / store), "--out", str(self.folder / "out"), "--quiet")
+        return subprocess.Popen(
+            [sys.executable, "-m", "pliant", *self.command, *place, *options],
+            start_new_session=True,
+            env={**os.environ, "SPRINGS_LOG": str(self.log)},
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def _finished(self, store: str) -> dict[str, Any]:
+        """The answer of the command, left alone."""
+        out = self.folder / "answer.json"
+        running = self._start(store, "--json", str(out))
+        _, said = running.communicate(timeout=3600)
+        if running.returncode != 0:
+            raise RuntimeError(f"{self.command[0]} ended with {running.returncode}: {said[-2000:]}")
+        found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+        return found
+
+    def _killed(self, store: str, whole_s: float, once: Counter[str]) -> bool:
+        """Start, wait for a moment by the clock or for a number of candidates, kill; False: it was complete before."""
+        running = self._start(store)
+        moment_s, before = time.monotonic() + self.random.uniform(0.0, 0.6 * whole_s), len(self._loaded())
+        more = self.random.randint(1, 1 + once.total() // 3)
+        by_clock = not once or self.random.random() < STARTING
+        while running.poll() is None:
+            if time.monotonic() >= moment_s if by_clock else len(self._loaded()) >= before + more:
+                os.killpg(running.pid, signal.SIGKILL)
+                running.communicate()
+                self.count.kills += 1
+                return True
+            time.sleep(0.005)
+        said = running.communicate()[1]
+        if running.returncode != 0:
+            self.count.wrong.append(f"exit {running.returncode}: {said[-600:]}")
+        return False
+
+    def _loaded(self) -> list[str]:
+        """Candidates in the order in which they were loaded."""
+        if not self.log.exists():
+            return []
+        lines = self.log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
+        return [line.split(" ", 2)[2] for line in lines]
+
+    def _saved(self, store: str) -> set[str]:
+        """Candidates that the store's journals hold."""
+        folders = {file.parent for file in (self.folder / store).rglob("branch-0000.jsonl")}
+        found = {
+            name_of(float(trial.values["chain.module_length"]), float(trial.values["task.pressure"]))
+            for folder in folders
+            for generation in Journal(folder, "branch-0000").read()
+            for trial in generation.trials
+        }
+        self.count.saved_at_kills += len(found)
+        return found
+
+    def _judge(self, saved: Sequence[tuple[int, set[str]]], once: Counter[str]) -> None:
+        """Walk through the log, kill by kill."""
+        loaded, begun, known = self._loaded(), Counter[str](), set[str]()
+        ends = [*saved, (len(loaded), set())]
+        first = 0
+        for last, then in ends:
+            for candidate in loaded[first:last]:
+                begun[candidate] += 1
+                if begun[candidate] > once[candidate]:
+                    self.count.saved_and_evaluated_twice += candidate in known
+                    self.count.of_open_generations_again += candidate not in known
+            first, known = last, known | then
+        self.count.candidates_begun += len(loaded)
+
+    def _verify(self, store: str) -> None:
+        if not (self.folder / store).exists():
+            return
+        command = [sys.executable, "-m", "pliant", "store", "--store", str(self.folder / store), "--verify"]
+        done = subprocess.run([*command, "--json", "-"], capture_output=True, text=True, check=False)
+        found = json.loads(done.stdout)
+        self.count.artifacts += found["artifacts"]
+        self.count.damaged += len(found["damaged"])
+
+
+def main() -> int:
+    parser = parser_of(__doc__)
+    parser.add_argument("--searches", type=int, default=100, help="kills of a search")
+    parser.add_argument("--diagnoses", type=int, default=50, help="kills of a diagnosis")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="pliant-kill-"))
+    study, bench = folder / "search.yaml", ROOT / "examples" / "hidden_effect" / "finger.yaml"
+    study.write_text(SEARCH, encoding="utf-8")
+    works = {
+        "searches": (
+            arguments.searches,
+            ("optimize", str(study), "search.budget=120", "--workers", f"{WORKERS}"),
+        ),
+        "diagnoses": (arguments.diagnoses, ("diagnose", str(bench), *FEW)),
+    }
+    results, sound = {}, True
+    try:
+        for name, (kills, command) in works.items():
+            count = Killing(command, folder, arguments.seed).run(kills) if kills else Count()
+            results[name] = {**asdict(count), "seed": arguments.seed, "sound": count.sound}
+            print(name, json.dumps(results[name], indent=1), flush=True)
+            sound &= count.sound
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    write("kill_searches", results)
+    return 0 if sound else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
