@@ -350,7 +350,7 @@ def _protocol(folder: SessionFolder, key: str, model: OpenModel, found: Diagnosi
         return ""
     notes = model.study.measurements
     named = model.data or (notes.file if notes is not None else ())
-    name = f"{key}.csv"
+    name = f"{name_of_file(Path(planned.name))}-{key[-6:]}.csv"
     write_protocol(
         folder.results / name,
         planned,
