@@ -180,7 +180,9 @@ class ChainJoints:
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         bodies, none = slice(self.base, self.tip), np.zeros(3)
-        pose = Pose(data.xpos[bodies], data.xmat[bodies].reshape(-1, 3, 3), NOT_NEEDED, NOT_NEEDED)
+        pose = Pose(
+            data.xpos[bodies], data.xmat[bodies].reshape(-1, 3, 3), NOT_NEEDED, NOT_NEEDED, NOT_NEEDED
+        )
         for pull in self.statics.acting(pose, loads):
             body = self.base + pull.body
             mujoco.mj_applyFT(self.model, data, pull.force_n, none, pull.point_m, body, data.qfrc_applied)
