@@ -146,14 +146,15 @@ class MujocoScene(ArmsScene):
     def _longest_step(self, near: bool) -> float:
         """Longest step (s) from the present velocities of all dofs."""
         short, long = self._steps_s
-        if not len(self._extents):
+        if not (len(self._extents) or self.scene.arms_touch):
             return long
         if near:
             return short
         arms, objects = _speeds(self._data.qvel, self._reaches, self._extents)
         if objects > REST_M_S:
             return short
-        return max(short, min(long, self._room_m / max(arms + objects, 1e-9)))
+        both = 2.0 * arms if self.scene.arms_touch else arms
+        return max(short, min(long, self._room_m / max(both + objects, 1e-9)))
 
     def _advance(self, step_s: float) -> None:
         model, data, damping = self._model, self._data, self._config.joint_damping
