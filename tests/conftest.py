@@ -26,9 +26,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is loaded by now stays: without that every full collection of garbage walks through all of it."""
+    """Garbage is collected less often, and never among what is loaded by now: it took a tenth of the suite's time."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(2000, 20, 50)
 
 
 @pytest.fixture(scope="session")

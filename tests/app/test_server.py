@@ -25,7 +25,7 @@ from pliant.errors import UserError
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.document import Document, Picture, drawn, section
 from pliant.report.render import page
-from pliant.report.scene import Scene
+from pliant.report.scene import DrawnScene
 
 from .conftest import STUDY, recording
 
@@ -91,7 +91,7 @@ def _moving_document() -> Document:
     x = np.arange(3.0)
     chart = Chart((Panel(ChartAxis("a"), ChartAxis("b"), (ChartLine("measured", x, x),)),))
     shown = Picture("one", "one", np.zeros(8, np.uint8), chart)
-    scene = Scene("state", ("a", "b"), (), (), (), np.eye(3), np.zeros(3), 1.0)
+    scene = DrawnScene("state", ("a", "b"), (), (), (), np.eye(3), np.zeros(3), 1.0)
     turned = section("In space", Picture("two", "two", np.zeros(8, np.uint8), scene=scene))
     return Document(kind="k", title="t", sentence="s", data={}, draw=lambda: drawn(shown, turned))
 

@@ -96,7 +96,7 @@ def test_opposed_actuators_and_segments_of_several_laws() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
     """Also the damage that the second run of a specimen finds, and that of another specimen does not."""
-    model = with_effects(sample_chain(modules=3, payload=0.004), kind)
+    model = with_effects(sample_chain(modules=2, payload=0.004), kind)
     again = history("again", specimen="one", tip_force_n=0.4 * history().tip_force_n)
     runs = [history(specimen="one"), again, again.with_(run="other", specimen="two")]
     agree(model.chain, [model.commanded(run) for run in runs], atol=1e-7)

@@ -178,6 +178,14 @@ class ModuleSolver(ABC):
         Raises `StateNotConvergedError`, and `UserError` for an axis that the problem does not have.
         """
 
+    def learn(self, state: FemState) -> None:
+        """Told of each state that a sampling keeps, solved or found again, in the order of the sampling.
+
+        A solver may use them to foretell the next ones. What it ends at must depend on nothing else: a sampling that
+        was interrupted gives the same bits as one that was not.
+        """
+        del state
+
     def loaded(
         self, actuation: Levels, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
     ) -> FemState:

@@ -18,7 +18,7 @@ from pliant import __version__
 from pliant.formatting import Unit, displayed, number
 from pliant.records.remark import Rank
 from pliant.report.chart import Chart, as_script_data
-from pliant.report.scene import Scene
+from pliant.report.scene import DrawnScene
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -165,7 +165,7 @@ class Picture:
     caption: str
     png: NDArray[np.uint8]
     chart: Chart | None = None
-    scene: Scene | None = None
+    scene: DrawnScene | None = None
 
     @property
     def data_url(self) -> str:

@@ -82,7 +82,7 @@ class Colouring:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class DrawnScene:
     """Bodies over a slider.
 
     Attributes:

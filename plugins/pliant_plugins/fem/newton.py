@@ -1,10 +1,6 @@
-"""Newton's method from one equilibrium to a neighbouring one, in load steps that are halved where one fails.
+"""Equilibria of one module under control of its actuation and of its joint's axes.
 
-What is iterated, its correction and the measure of a correction are an `Iteration`'s; the way is the same: a
-predictor, corrections with a line search, and a first correction that is too long gives the load step up at once,
-because two half steps are cheaper.
-
-Of a module, q are the globals of the rod frame and v all other unknowns. With Π = U − a W (actuation a, what it works
+q are the globals of the rod frame and v all other unknowns. With Π = U − a W (actuation a, what it works
 on W) and K = Π_vv factorised once, back-substitutions Z = K⁻¹ [r_v, Π_vq, W_v] give Newton's step under any control,
 
     S Δq = −ρ + b Δa − f,    S = Π_qq − Π_qv K⁻¹ Π_vq,   ρ = r_q − Π_qv K⁻¹ r_v,   b = W_q − Π_qv K⁻¹ W_v
@@ -14,9 +10,7 @@ and, at equilibrium, the exact slopes of the reactions to the joint's axes.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -24,125 +18,13 @@ from numpy.typing import NDArray
 
 from pliant.records.actuation import Levels
 from pliant.records.design import Array
-
-Trial = TypeVar("Trial")
-Step = TypeVar("Step")
-State = TypeVar("State")
-
-ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
-
-
-class SingularMatrixError(ArithmeticError):
-    """The matrix could not be factorised."""
-
-
-class DivergedError(ArithmeticError):
-    """Newton's method did not converge, even in the smallest load steps."""
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """When a correction is small enough. Work is measured against `unit_j`, the energy of a uniform shear of 1.
-
-    Attributes:
-        strain: root mean square of the strain that the last correction adds.
-        max_iterations: corrections before a load step is halved.
-        max_halvings: how often a load step may be halved.
-        too_long: strain (root mean square) of a first correction that ends a load step.
-        shortest: fraction of a correction below which the line search gives up.
-        progress: share of its work below which a shortened correction must come.
-    """
-
-    unit_j: float
-    strain: float
-    max_iterations: int
-    max_halvings: int
-    too_long: float = 0.05
-    shortest: float = 1 / 32
-    progress: float = 0.9
-
-
-class Iteration(ABC, Generic[Trial, Step]):
-    """Newton's iteration to one load level."""
-
-    @abstractmethod
-    def correction(self, point: Trial) -> Step:
-        """Newton's step at a point. Raises `SingularMatrixError`."""
-
-    @abstractmethod
-    def work(self, point: Trial, step: Step) -> float:
-        """Work (J) of the point's residual along a step, ≥ 0."""
-
-    @abstractmethod
-    def moved(self, point: Trial, step: Step, length: float) -> Trial | None:
-        """The point after a share of a step; None where a cell is inverted."""
-
-    def converged(
-        self, point: Trial | None, tolerance: Tolerance, final: bool, patient: bool
-    ) -> tuple[Trial, int]:
-        """The equilibrium that a predicted point leads to, and the corrections that it took.
-
-        A step that is not `final` ends near equilibrium. Unless `patient`, a load step is given up at once where the
-        predictor leaves much to correct.
-
-        Raises:
-            DivergedError: there is none within the iterations.
-            SingularMatrixError: the stiffness on the way.
-        """
-        enough = tolerance.strain**2 * tolerance.unit_j
-        enough = enough if final else max(enough, ON_THE_WAY**2 * tolerance.unit_j)
-        for number in range(1, tolerance.max_iterations + 1):
-            if point is None:
-                raise DivergedError("the tangent predictor inverts cells")
-            step = self.correction(point)
-            work = self.work(point, step)
-            if work <= enough:
-                last = self.moved(point, step, 1.0)
-                if last is None:
-                    raise DivergedError("the last step inverts cells")
-                return last, number
-            if number == 1 and not patient and work > tolerance.too_long**2 * tolerance.unit_j:
-                raise DivergedError("the load step is too long")
-            point = self._searched(point, step, work, tolerance)
-        raise DivergedError(f"no convergence in {tolerance.max_iterations} Newton steps")
-
-    def _searched(self, point: Trial, step: Step, work: float, tolerance: Tolerance) -> Trial:
-        """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
-        length = 1.0
-        while length >= tolerance.shortest:
-            trial = self.moved(point, step, length)
-            if trial is not None and self.work(trial, step) < tolerance.progress * work:
-                return trial
-            length /= 2
-        raise DivergedError("the line search found no better point")
-
-
-def in_load_steps(
-    start: State, step: Callable[[State, float, bool], tuple[State, int]], max_halvings: int
-) -> tuple[State, int]:
-    """Go from `start` to the whole load, in one step or, where that fails or is too long, in shorter ones.
-
-    Args:
-        start: where the way begins.
-        step: from a state to a share of the load, and whether to be patient; the state there, and iterations.
-        max_halvings: how often a load step may be halved.
-
-    Raises:
-        DivergedError: the smallest step failed; says how far it came.
-    """
-    here, reached, length, count = start, 0.0, 1.0, 0
-    smallest = 0.5**max_halvings
-    while reached < 1.0:
-        goal = min(reached + length, 1.0)
-        try:
-            here, iterations = step(here, goal, length <= smallest)
-        except (DivergedError, SingularMatrixError, np.linalg.LinAlgError) as error:
-            length /= 2
-            if length < smallest:
-                raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
-            continue
-        reached, count, length = goal, count + iterations, 2 * length
-    return here, count
+from pliant_plugins.fem.iteration import (
+    DivergedError,
+    Iteration,
+    SingularMatrixError,
+    Tolerance,
+    in_load_steps,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,6 +118,9 @@ class FemSystem(Protocol):
     def reduce(self, point: PathPoint[Any]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
 
+    def again(self, point: PathPoint[Any]) -> tuple[Array, Array]:
+        """(r_v, K⁻¹ r_v) of a point with the matrix that was factorised last."""
+
     def step(self, inner: Array, globals_: Array) -> Array:
         """The change of x that belongs to one of the unknowns and the globals."""
 
@@ -266,8 +151,19 @@ class Newton:
             raise DivergedError("the state to start from has inverted cells")
         return FemEquilibrium(point, self.system.reduce(point), 0)
 
+    def at_once(self, target: Control, expected: Array) -> FemEquilibrium | None:
+        """Equilibrium at `target` from the x that is expected there; None where that is too far from it."""
+        way = _ToControl(self.system, target)
+        try:
+            point, count = way.converged(
+                self.system.evaluate(expected, target.actuation), self.tolerance, True, False
+            )
+            return FemEquilibrium(point, self.system.reduce(point), count + 1)
+        except (DivergedError, SingularMatrixError, np.linalg.LinAlgError):
+            return None
+
     def advance(self, start: FemEquilibrium, target: Control) -> FemEquilibrium:
-        """Equilibrium at `target`. Raises `DivergedError`."""
+        """Equilibrium at `target`, in load steps along the way from `start`. Raises `DivergedError`."""
         first, G = start.point, self.system.count
         globals_, efforts = first.x[-G:], -first.residual[-G:]
 
@@ -295,9 +191,19 @@ class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
 
     system: FemSystem
     target: Control
+    last: list[Reduced] = field(default_factory=list)  # of the last correction, one at most
 
     def correction(self, point: PathPoint[Any]) -> tuple[Array, Array]:
-        return self.tangent(point, self.system.reduce(point))
+        self.last[:] = [self.system.reduce(point)]
+        return self.tangent(point, self.last[0])
+
+    def again(self, point: PathPoint[Any]) -> tuple[Array, Array] | None:
+        """K is symmetric, so that Π_qv K⁻¹ r_v = Z_qᵀ r_v."""
+        G, (known,) = self.system.count, self.last
+        right, solved = self.system.again(point)
+        Z = np.column_stack([solved, known.solved[:, 1:]])
+        left = point.residual[-G:] - known.solved[:, 1 : 1 + G].T @ right
+        return self.tangent(point, replace(known, solved=Z, residual=left))
 
     def tangent(self, point: PathPoint[Any], reduced: Reduced) -> tuple[Array, Array]:
         """Newton's step: actuation, held globals and all else move together, so that no part is left behind."""

@@ -17,7 +17,9 @@ from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.records.actuation import Levels, kind_of
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, TOUCHING, FemState, ModuleProblem
-from pliant_plugins.fem.newton import Control, DivergedError, FemEquilibrium, Newton, SingularMatrixError
+from pliant_plugins.fem.iteration import DivergedError, SingularMatrixError
+from pliant_plugins.fem.newton import Control, FemEquilibrium, Newton
+from pliant_plugins.fem.predictor import Anchor, expected
 
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
 # Of a solver with contact: nothing touches, walls that touch hold each other, they have gone too far into each other.
@@ -32,6 +34,7 @@ class RodSolver(ModuleSolver):
     """
 
     remembered: ClassVar[int] = 8
+    most_anchors: ClassVar[int] = 64
 
     def __init__(
         self, problem: ModuleProblem, newton: Newton, places: tuple[int, ...], scales: tuple[float, ...]
@@ -40,6 +43,7 @@ class RodSolver(ModuleSolver):
         self.problem, self.newton = problem, newton
         self._places, self._scales = places, np.array(scales)
         self._known: deque[FemEquilibrium] = deque(maxlen=self.remembered)
+        self._learnt: deque[tuple[Array, FemState | Anchor]] = deque(maxlen=self.most_anchors)
 
     def rest(self) -> FemState:
         """The undeformed state with its slopes."""
@@ -67,17 +71,46 @@ class RodSolver(ModuleSolver):
                 raise UserError(f"the held axis '{axis}' is none of this module's: {known}.")
         return self._solve(actuation, {axis: float(value) for axis, value in named.items()}, start)
 
+    def learn(self, state: FemState) -> None:
+        """The states so told, in their order, foretell where the next ones are."""
+        if state.solution.shape == self._undeformed().shape:
+            known = self._remembered(state.solution, state.actuation)
+            G = self.newton.system.count
+            z = np.append(state.actuation, state.solution[-G:][list(self._places)])
+            self._learnt.append((z, state if known is None else self._anchor(known)))
+
+    def _anchor(self, known: FemEquilibrium) -> Anchor:
+        return Anchor.of(self.newton.system, known, self._places)
+
+    def _expected(self, target: Control) -> Array | None:
+        """x at a control, from what was learnt; states of another process are factorised when they are needed."""
+
+        def anchor(i: int) -> Anchor:
+            z, one = self._learnt[i]
+            if isinstance(one, FemState):
+                one = self._anchor(self._at(one.solution, one.actuation))
+                self._learnt[i] = z, one
+            return one
+
+        try:
+            return expected(np.array([z for z, _ in self._learnt]), anchor, target, self._places)
+        except (DivergedError, SingularMatrixError, np.linalg.LinAlgError):
+            return None
+
     def _solve(self, actuation: Levels, held: Mapping[str, float], start: FemState) -> FemState:
         begun = time.perf_counter()
         actuation = self._as_levels(actuation)
         try:
-            here = self._at(start.solution, start.actuation)
+            self._check(start.solution)
             G = self.newton.system.count
             mask, goal = np.zeros(G, bool), np.zeros(G)
             for axis, place, scale in zip(self.problem.axes, self._places, self._scales, strict=True):
                 if axis in held:
                     mask[place], goal[place] = True, held[axis] / scale
-            equilibrium = self.newton.advance(here, Control(actuation, mask, goal, np.zeros(G)))
+            target = Control(actuation, mask, goal, np.zeros(G))
+            expected = self._expected(target)
+            found = None if expected is None else self.newton.at_once(target, expected)
+            equilibrium = found or self.newton.advance(self._at(start.solution, start.actuation), target)
         except (DivergedError, SingularMatrixError) as error:
             before = dict(zip(self.problem.axes, start.deformation, strict=True))
             raise StateNotConvergedError(
@@ -108,20 +141,29 @@ class RodSolver(ModuleSolver):
         values = ", ".join(f"{axis} = {value:.4g} {unit}" for axis, value in held.items())
         return f" and {values}" if held else ""
 
-    def _at(self, x: Array, actuation: Levels) -> FemEquilibrium:
-        """The equilibrium at x, factorised anew unless it is remembered."""
+    def _check(self, x: Array) -> None:
+        """Raises `UserError` for the unknowns of another module."""
         count = len(self._undeformed())
         if x.shape != (count,):
             raise UserError(
                 f"the start state has {x.size} unknowns, this module {count}: it belongs to another mesh, order or "
                 "backend."
             )
+
+    def _at(self, x: Array, actuation: Levels) -> FemEquilibrium:
+        """The equilibrium at x, factorised anew unless it is remembered."""
+        self._check(x)
+        equilibrium = self._remembered(x, actuation)
+        if equilibrium is None:
+            equilibrium = self.newton.at(np.array(x), actuation)
+            self._known.append(equilibrium)
+        return equilibrium
+
+    def _remembered(self, x: Array, actuation: Levels) -> FemEquilibrium | None:
         for known in self._known:
             if np.array_equal(known.point.actuation, actuation) and np.array_equal(known.point.x, x):
                 return known
-        equilibrium = self.newton.at(np.array(x), actuation)
-        self._known.append(equilibrium)
-        return equilibrium
+        return None
 
     def _status(self, x: Array) -> str:
         """What walls and rigid parts do at x."""

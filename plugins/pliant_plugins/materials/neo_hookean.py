@@ -51,24 +51,13 @@ class NeoHookean(Rubber):
         A = μ̄ (δ_ik δ_jl − 2/3 (F_ij G_kl + G_ij F_kl) + 2/9 I₁ G_ij G_kl + I₁/3 G_il G_kj)
             + K J ((2J − 1) G_ij G_kl − (J − 1) G_il G_kj),   μ̄ = μ J^(−2/3).
         """
-        mu, K = self.shear_modulus_pa, self.bulk_modulus_pa
-        J, G = np.linalg.det(F), np.swapaxes(np.linalg.inv(F), -1, -2)
-        I1 = np.einsum("...ij,...ij->...", F, F)
-        mu_bar = mu * J ** (-2 / 3)
-        energy = mu / 2 * (J ** (-2 / 3) * I1 - 3) + K / 2 * (J - 1) ** 2
-        pressure = K * (J - 1) * J
-        stress = mu_bar[..., None, None] * F + (pressure - mu_bar * I1 / 3)[..., None, None] * G
+        from pliant_plugins.materials.compiled import cofactors, neo_hookean
 
-        # A = sym(G ⊗ (c₁ G − ⅔ μ̄ F)) + c₂ G_il G_kj + μ̄ δ δ, in 9 × 9 form
-        f, g = F.reshape(*J.shape, 9), G.reshape(*J.shape, 9)
-        c1 = 2 / 9 * mu_bar * I1 + K * J * (2 * J - 1)
-        c2 = mu_bar * I1 / 3 - pressure
-        half = g[..., :, None] * (c1[..., None] / 2 * g - 2 / 3 * mu_bar[..., None] * f)[..., None, :]
-        tangent = half + np.swapaxes(half, -1, -2)
-        crossed = (c2[..., None] * g)[..., :, None] * g[..., None, :]
-        # (ij)(kl) of G_il G_kj is (il)(kj) of G ⊗ G
-        crossed = np.swapaxes(crossed.reshape(*J.shape, 3, 3, 3, 3), -1, -3)
-        tangent = tangent.reshape(*J.shape, 3, 3, 3, 3) + crossed
-        diagonal = tangent.reshape(*J.shape, 81)[..., ::10]
-        diagonal += mu_bar[..., None]
-        return Hyperelastic(energy, stress, tangent)
+        points = F.shape[:-2]
+        f = np.ascontiguousarray(F, dtype=float).reshape(-1, 9)
+        J, energy, stress = np.empty(len(f)), np.empty(len(f)), np.empty(f.shape)
+        G, tangent = np.empty(f.shape), np.empty((*f.shape, 9))
+        cofactors(f, J, G)
+        neo_hookean(f, J, G, self.shear_modulus_pa, self.bulk_modulus_pa, energy, stress, tangent)
+        shape = (*points, 3, 3)
+        return Hyperelastic(energy.reshape(points), stress.reshape(shape), tangent.reshape(*shape, 3, 3))

@@ -244,6 +244,7 @@ class Walk:
         state = self.saved.solve(name, seen)
         self.bar.advance(0 if self.saved.reused else 1)
         self.solved.append(Sampled(target, state))
+        self.pieces[target.piece].solver.learn(state)
         return state
 
     def _solve(self, target: StateTarget, start: FemState) -> FemState:

@@ -21,14 +21,14 @@ from pliant.report.figures.module import (
     module_camera,
     stretch_limits,
 )
-from pliant.report.scene import Body, Colouring, Copy, Scene, Skin, ball
+from pliant.report.scene import Body, Colouring, Copy, DrawnScene, Skin, ball
 
 WHOLE, CUT = "whole", "cut open"
 STRETCH, STRESS, ERROR = "stretch", "stress", "error"
 RAMP = 9  # colours of a colour bar
 
 
-def module_scene(data: FemDataset, law: JointLaw | None = None) -> Scene | None:
+def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | None:
     """The solved piece at each free state, with its mirror images; None where the data hold no shapes to show.
 
     Args:
@@ -73,7 +73,7 @@ def module_scene(data: FemDataset, law: JointLaw | None = None) -> Scene | None:
     )
     camera = module_camera()
     middle, radius = ball(np.stack([shape.points_m * _both(shape) for shape in shapes]))
-    return Scene(
+    return DrawnScene(
         "state",
         tuple(free_title(data, shape) for shape in shapes),
         (skin_of(sections, values),),

@@ -17,7 +17,7 @@ from pliant.report.figures.finger import ShapedModules, finger_camera, shaped_mo
 from pliant.report.figures.rendering import TRANSPOSED
 from pliant.report.folder import FinishedRun
 from pliant.report.run_view import base_pose, main_axis, module_designs
-from pliant.report.scene import Body, Colouring, Copy, Scene, Skin, ball
+from pliant.report.scene import Body, Colouring, Copy, DrawnScene, Skin, ball
 from pliant.report.scenes.module import STRETCH, mirror_signs, ramp, skin_of, stretch_colouring
 
 MOST_STATES = 60
@@ -26,7 +26,7 @@ SLENDER = 0.16  # radius of a rod over the length of a module
 BEND, BAND, APART = "bend", "band", "apart"
 
 
-def robot_scene(run: FinishedRun) -> Scene | None:
+def robot_scene(run: FinishedRun) -> DrawnScene | None:
     """The chain of the first engine over its history; None without one, or where contact holds it."""
     if not run.engines or run.engines[0].result.stills:
         return None
@@ -49,7 +49,7 @@ def robot_scene(run: FinishedRun) -> Scene | None:
         skins, bodies, thick = _rods(shown, values, base_pose(run)[1])
     camera = finger_camera(run)
     middle_m, radius_m = ball(shown.markers_m, thick)
-    return Scene(
+    return DrawnScene(
         *_words(run, shown),
         tuple(skins),
         tuple(bodies),

@@ -26,7 +26,8 @@ from pliant.records.design import Array
 from pliant.records.fem import FemState, IntArray, ModuleFields, ModuleProblem
 from pliant_plugins.fem.config import NgsolveConfig
 from pliant_plugins.fem.constraints import Constraints
-from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
+from pliant_plugins.fem.iteration import SingularMatrixError, Tolerance
+from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, Forms, build_forms
 from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
 from pliant_plugins.fem.ngsolve.mesh import LATTICE, cell_values, curved_mesh, eliminate, nodal_table
@@ -107,6 +108,11 @@ class NgsolveSystem:
         tail = np.column_stack([residual[n:], corner, work[n:]])
         full = tail - borders.T @ solved
         return Reduced.of(solved, full, self.count)
+
+    def again(self, point: PathPoint[Value]) -> tuple[Array, Array]:
+        """(r_v, K⁻¹ r_v) with the matrix that was factorised last."""
+        right = point.residual[: len(self.elimination.first)]
+        return right, self._backward(right[:, None])[:, 0]
 
     @property
     def _both(self) -> tuple[Any, Any]:

@@ -24,6 +24,7 @@ from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.fibres import with_fibres
+from pliant_plugins.fem.skfem.kernel import projected
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
@@ -77,7 +78,9 @@ class Assembler:
         self.pattern, (self._cell_scatter, *scatters) = sparsity(held, groups, cellwise)
         self._face_scatters, self._skin_scatter = scatters[: len(self.faces)], scatters[len(self.faces) :]
         self._rise = _rise_of_end(problem)
-        self._cell_rows, self._face_rows = self._operators()
+        self._face_rows = self._face_operators()
+        none = np.zeros((1, self.cells.weight.shape[1], 0))
+        self._modes = none if pressure is None else np.ascontiguousarray(pressure.value)
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches
         self._face_X = [
             np.einsum("fa,qja->fqj", mesh.nodes_m[faces.nodes, 0], faces.slope) for faces in self.faces
@@ -88,46 +91,58 @@ class Assembler:
         """Length of x: all dofs and the globals."""
         return self.size + self.globals.count
 
-    def _operators(self) -> tuple[Rows, Rows]:
-        """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z, then volume and pressure."""
-        cells, faces = self.cells, self.faces[0]  # tables on the reference face are the same for all
-        value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, cells.value.shape[1]))
-        both = np.concatenate([cells.gradient, value], axis=2)
-        y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
-        solid: Rows = (cells.gradient, y, z)
-        if cells.pressure is not None:
-            solid += (cells.pressure.value[:, :, None],) * 2
+    def _face_operators(self) -> Rows:
+        """Rows B_c (1, q, rows, nodes) of a face's variables, for c = x, y, z; the same on all faces."""
+        faces = self.faces[0]
         slope, value = faces.slope[None], faces.value[None, :, None]
-        return solid, (slope, value, np.concatenate([slope, value], axis=2))
+        return slope, value, np.concatenate([slope, value], axis=2)
 
     def positions(self, x: Array) -> Array:
         """X + v of all nodes, (nodes, 3)."""
         return self.problem.mesh.nodes_m + x[self.displacements].reshape(-1, 3)
 
-    def elastic_energy(self, x: Array) -> Terms | None:
-        """U (J) of the piece, its ribbons and what contact stores included; `None` where a cell is inverted."""
-        solid = self.strain_energy(x)
-        if solid is None:
+    def elastic_energy(self, x: Array, second: bool = True) -> Terms | None:
+        """U (J) of the piece, its ribbons and what contact stores included; `None` where a cell is inverted.
+
+        Without `second` value and gradient alone.
+        """
+        total = self.strain_energy(x, second)
+        if total is None:
             return None
         touching = None if self.contact is None else self.contact.energy(x, self.globals)
+        more = []
         if self.contact is not None and touching is not None:
             rows = (self.contact.faces.value[None, :, None],)
-            solid = solid.plus(
-                1.0, self._gather(x, touching, self.contact.weight, rows, self._skin_scatter[0])
-            )
+            more.append(self._gather(x, touching, self.contact.weight, rows, self._skin_scatter[0]))
         turn, strain = self.globals.split(x)
         for ribbon in self.problem.ribbons:
-            solid = solid.plus(
-                1.0, self._of_globals(*ribbon_energy(ribbon, self.problem.span_m, turn, strain))
-            )
-        return solid
+            more.append(self._of_globals(*ribbon_energy(ribbon, self.problem.span_m, turn, strain)))
+        for terms in more:
+            total = total.plus(1.0, terms if second else terms.slope)
+        return total
 
-    def strain_energy(self, x: Array) -> Terms | None:
+    def strain_energy(self, x: Array, second: bool = True) -> Terms | None:
         """Strain energy (J) of the piece's solid; `None` where a cell is inverted."""
-        density = strain_energy(self.variables, self.material, self._motion(x), self._dilatation(x))
+        cells, G = self.cells, self.globals.count
+        density = strain_energy(self.variables, self.material, self._motion(x), self._dilatation(x), second)
         if density is None:
             return None
-        return self._gather(x, density, self.cells.weight, self._cell_rows, self._cell_scatter)
+        m, n = len(cells.nodes), self._cell_scatter.dofs.shape[1]
+        columns, stiffness = np.zeros((m, n + G, 1 + G)), np.zeros((m if second else 0, n, n))
+        projected(
+            density.gradient,
+            density.hessian,
+            cells.weight,
+            cells.gradient,
+            cells.value,
+            self._modes,
+            *self.variables.lateral,
+            columns,
+            stiffness,
+        )
+        value = float(np.sum(cells.weight * density.value))
+        terms = self._summed(x, value, columns, stiffness if second else None, self._cell_scatter)
+        return terms if second else terms.slope
 
     def at_points(self, x: Array) -> tuple[Array, Array, Array]:
         """F (m, q, 3, 3) less the rotation, energy per volume (m, q) and P (m, q, 3, 3) at quadrature points."""
@@ -224,11 +239,18 @@ class Assembler:
         columns = np.concatenate([gradient[..., None], hessian[..., local_variables:]], axis=-1)
         local = _project(rows, columns)
         stiffness = _stiffness(rows, hessian)
-        n = stiffness.shape[-1]
+        return self._summed(x, float(np.sum(weight * density.value)), local, stiffness, scatter)
+
+    def _summed(
+        self, x: Array, value: float, local: Array, stiffness: Array | None, scatter: Scatter
+    ) -> Terms:
+        """Local columns (m, n + G, 1 + G) and matrices (m, n, n) sent to the dofs."""
+        n = scatter.dofs.shape[1]
         totals = np.concatenate([scatter.totals(local[:, :n], self.size), local[:, n:].sum(axis=0)])
         first, border = self.globals.chain(x, totals[:, 0], totals[:, 1:])
-        matrix = scatter.values(stiffness, len(self.pattern.indices))
-        return Terms(float(np.sum(weight * density.value)), first, matrix, border)
+        count = len(self.pattern.indices)
+        matrix = np.zeros(0) if stiffness is None else scatter.values(stiffness, count)
+        return Terms(value, first, matrix, border)
 
 
 def _dofs(nodes: IntArray) -> IntArray:

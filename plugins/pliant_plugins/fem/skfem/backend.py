@@ -14,7 +14,8 @@ from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced, SingularMatrixError, Tolerance
+from pliant_plugins.fem.iteration import SingularMatrixError, Tolerance
+from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced
 from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.basis import element_of
@@ -37,15 +38,16 @@ class ModuleSystem:
         return self.assembler.globals.count
 
     def evaluate(self, x: Array, actuation: Levels) -> PathPoint[Terms] | None:
-        """U and W to second order at x; None where a cell is inverted."""
+        """U to first and W to second order at x; None where a cell is inverted."""
         if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
-        energy = self.assembler.elastic_energy(x)
+        energy = self.assembler.elastic_energy(x, second=False)
         return None if energy is None else PathPoint(x, actuation, energy, self.assembler.travels(x))
 
     def reduce(self, point: PathPoint[Terms]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
-        potential, G = point.energy, self.count
+        potential, G = self.assembler.elastic_energy(point.x), self.count
+        assert potential is not None  # the point's slope exists
         for level, travel in zip(np.atleast_1d(point.actuation).tolist(), point.travels, strict=True):
             potential = potential.plus(-level, travel)
         works = [travel.gradient for travel in point.travels]
@@ -56,6 +58,11 @@ class ModuleSystem:
             raise SingularMatrixError("the tangent stiffness is singular")
         full = columns[-G:] - reduced[:, 1 : 1 + G].T @ solved
         return Reduced.of(solved, full, G)
+
+    def again(self, point: PathPoint[Terms]) -> tuple[Array, Array]:
+        """(r_v, K⁻¹ r_v) with the matrix that was factorised last."""
+        right = self.assembler.pattern.reduce(point.residual[: -self.count])
+        return right, self.linear.again(right[:, None])[:, 0]
 
     def step(self, inner: Array, globals_: Array) -> Array:
         """The change of x."""

@@ -20,6 +20,8 @@ import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
+from pliant_plugins.fem.skfem.kernel import mixed_law
+from pliant_plugins.materials.compiled import cofactors
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,41 +44,28 @@ def cell_modes(points: Array, weight: Array) -> Array:
     return np.linalg.qr(root * modes)[0] / root * np.sqrt(volume)
 
 
-def mixed(material: Material, F: Array, growth: Array, pressure: Array) -> Dilatation | None:
+def mixed(
+    material: Material, F: Array, growth: Array, pressure: Array, second: bool = True
+) -> Dilatation | None:
     """W(F̂) + q (J − ϑ) at F (m, q, 3, 3), ϑ − 1 and q/K (m, q); `None` where J or ϑ is not positive.
 
-    With G = F⁻ᵀ, ρ = (ϑ/J)^⅓, P̂ and Â the law at F̂ = ρF, m = ρ P̂:F / 3:
-    ∂W/∂F = ρ P̂ − m G, ∂W/∂ϑ = m/ϑ.
+    With G = F⁻ᵀ, ρ = (ϑ/J)^⅓, P = ρ P̂ and A = ρ² Â of the law at F̂ = ρF, m = P:F / 3, γ = F:A:F/9 + m/3 + qJ:
+    ∂W/∂F = P − m G + q J G, ∂W/∂ϑ = m/ϑ − q,
+    ∂²W/∂F² = A + sym(G ⊗ (γ G − ⅔ (A:F + P))) + (m − qJ) G_il G_kj. Without `second` there is no tangent, of no cells.
     """
-    J, K, theta = np.linalg.det(F), material.bulk_modulus_pa, 1 + growth
+    shape, theta = growth.shape, 1 + growth
+    K = np.broadcast_to(material.bulk_modulus_pa, shape)
+    f, J, G = F.reshape(-1, 9), np.empty(growth.size), np.empty((growth.size, 9))
+    cofactors(f, J, G)
     if not (np.all(J > 0) and np.all(theta > 0)):  # a NaN is not > 0
         return None
-    rho = np.cbrt(theta / J)[..., None]
-    law = material.evaluate(rho[..., None] * F)
-    shape = (*J.shape, 9)
-    f, G = F.reshape(shape), np.swapaxes(np.linalg.inv(F), -1, -2).reshape(shape)
-    P = rho * law.stress.reshape(shape)
-    A = rho[..., None] ** 2 * law.tangent.reshape(*shape, 9)
-    AF = (A @ f[..., None])[..., 0]
-    m, twice = np.sum(P * f, axis=-1) / 3, np.sum(AF * f, axis=-1)
-    work = K * pressure * J
-
-    # A + sym(G ⊗ (γ/2 G − (AF + P)/3)) + (m − qJ) G_il G_kj, γ = F:A:F/9 + m/3 + qJ
-    gamma = (twice / 9 + m / 3 + work)[..., None]
-    half = G[..., :, None] * (gamma / 2 * G - (AF + P) / 3)[..., None, :]
-    crossed = ((m - work)[..., None] * G)[..., :, None] * G[..., None, :]
-    crossed = np.swapaxes(crossed.reshape(*J.shape, 3, 3, 3, 3), -1, -3).reshape(*shape, 9)
-    local = P - m[..., None] * G
-    stress, tangent = np.empty((*J.shape, 11)), np.zeros((*J.shape, 11, 11))
-    stress[..., :9] = local + work[..., None] * G
-    stress[..., 9], stress[..., 10] = m / theta - K * pressure, K * (J - theta)
-    tangent[..., :9, :9] = A + half + np.swapaxes(half, -1, -2) + crossed
-    by_growth = (AF - (twice / 3)[..., None] * G + local) / (3 * theta[..., None])
-    tangent[..., :9, 9] = tangent[..., 9, :9] = by_growth
-    tangent[..., 9, 9] = (twice / 9 - 2 / 3 * m) / theta**2
-    tangent[..., :9, 10] = tangent[..., 10, :9] = (K * J)[..., None] * G
-    tangent[..., 9, 10] = tangent[..., 10, 9] = -K
-    return Dilatation(law.energy + K * pressure * (J - theta), stress, tangent)
+    rho = np.cbrt(theta.ravel() / J)
+    law = material.evaluate(rho.reshape(*shape, 1, 1) * F)
+    stress, tangent = np.empty((J.size, 11)), np.empty((J.size if second else 0, 11, 11))
+    P, A = law.stress.reshape(-1, 9), law.tangent.reshape(-1, 9, 9)
+    mixed_law(f, G, J, theta.ravel(), rho, pressure.ravel(), K.ravel(), P, A, stress, tangent)
+    energy = law.energy + K * pressure * (J.reshape(shape) - theta)
+    return Dilatation(energy, stress.reshape(*shape, 11), tangent.reshape(-1, *shape[1:], 11, 11))
 
 
 def pointwise(material: Material, F: Array) -> Dilatation | None:

@@ -22,6 +22,7 @@ from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
+from pliant_plugins.fem.skfem.kernel import law_slopes
 from pliant_plugins.fem.skfem.unknowns import Globals
 
 # ∂²g_i/∂a∂b with a, b among (ρ_y, ρ_z, k_x, k_y, k_z): g = k × ρ is bilinear, ρ = (0, ρ_y, ρ_z).
@@ -110,41 +111,34 @@ def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) 
 
 
 def strain_energy(
-    variables: Variables, material: Material, at: RodMotion, dilatation: tuple[Array, Array] | None = None
+    variables: Variables,
+    material: Material,
+    at: RodMotion,
+    dilatation: tuple[Array, Array] | None = None,
+    second: bool = True,
 ) -> Pointwise | None:
-    """Strain energy density W(F), of mixed cells at ϑ − 1 and q/K (m, q) too; `None` where a cell is inverted."""
-    law = pointwise(material, at.F) if dilatation is None else mixed(material, at.F, *dilatation)
+    """Strain energy density W(F), of mixed cells at ϑ − 1 and q/K (m, q) too; `None` where a cell is inverted.
+
+    Without `second` the Hessian is left out, of no cells.
+    """
+    law = pointwise(material, at.F) if dilatation is None else mixed(material, at.F, *dilatation, second)
     if law is None:
         return None
+    points, count = law.stress.shape[:2], variables.count
+    gradient = np.empty((*points, count))
+    hessian = np.empty((points[0] if second else 0, points[1], count, count))
 
-    frame, rows, e = variables.frame, variables.rows, variables.strain
-    dF = _slope(variables, at)
-    gradient = (law.stress[..., None, :] @ dF)[..., 0, :]
-    hessian = np.swapaxes(dF, -1, -2) @ (law.tangent @ dF)
-    # P : ∂²F, which is in S₁ ⊗ g, e ⊗ g and g itself
-    P = law.stress[..., : 3 * rows].reshape(*at.g.shape, 3)
-    across = np.swapaxes(P, -1, -2) @ at.dg  # (m, q, 3, used)
-    hessian[..., :3, frame] += across
-    hessian[..., frame, :3] += np.swapaxes(across, -1, -2)
-    work = (P @ at.first[..., None])[..., 0]
-    hessian[..., frame[:, None], frame] += np.tensordot(work, at.bilinear, axes=1)
-    if e is not None:
-        hessian[..., frame, e] += across[..., 0, :]
-        hessian[..., e, frame] += across[..., 0, :]
+    def flat(array: Array) -> Array:
+        return np.ascontiguousarray(array).reshape(array.shape[0] * array.shape[1], *array.shape[2:])
+
+    law_slopes(
+        *(flat(array) for array in (law.stress, law.tangent, at.g, at.dg, at.first)),
+        at.bilinear,
+        variables.S,
+        variables.frame,
+        -1 if variables.volume is None else variables.volume,
+        -1 if variables.strain is None else variables.strain,
+        flat(gradient),
+        flat(hessian),
+    )
     return Pointwise(law.energy, gradient, hessian)
-
-
-def _slope(variables: Variables, at: RodMotion) -> Array:
-    """∂F/∂(variables) (m, q, 9, n), or that of (F, ϑ, q) (m, q, 11, n)."""
-    place = variables.volume
-    dF = np.zeros((*at.g.shape[:2], 9 if place is None else 11, variables.count))
-    if place is not None:
-        dF[..., 9, place] = dF[..., 10, place + 1] = 1.0
-    entry, row = np.arange(9), np.arange(3)
-    dF[..., entry, variables.S] = 1.0
-    for i in range(variables.rows):
-        dF[..., 3 * i + row, row] += at.g[..., i, None]
-        dF[..., 3 * i : 3 * i + 3, variables.frame] = at.first[..., :, None] * at.dg[..., i, None, :]
-        if variables.strain is not None:
-            dF[..., 3 * i, variables.strain] = at.g[..., i] + (i == 0)
-    return dF

@@ -5,9 +5,14 @@ Both keep the structure: the pattern never changes within a problem, only the va
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import importlib.metadata
 import importlib.util
 import os
 import weakref
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -15,7 +20,7 @@ from scipy import sparse
 
 from pliant.errors import MissingDependencyError
 from pliant.records.design import Array
-from pliant_plugins.fem.newton import SingularMatrixError
+from pliant_plugins.fem.iteration import SingularMatrixError
 from pliant_plugins.fem.skfem.pattern import Pattern
 
 ACCURATE = 1e-9  # largest residual of a linear solution / its right-hand side
@@ -31,6 +36,9 @@ class LinearSolver(Protocol):
 
         Raises `SingularMatrixError`.
         """
+
+    def again(self, right: Array) -> Array:
+        """Solve for `right` (n, k) with the matrix that was factorised last."""
 
 
 class Pardiso:
@@ -49,10 +57,13 @@ class Pardiso:
             raise MissingDependencyError(
                 "fem.linear_solver 'pardiso' needs pypardiso: pip install 'pliant[fast]'"
             ) from error
-        self._error, self._new = PyPardisoError, lambda: PyPardisoSolver(mtype=self._SYMMETRIC_INDEFINITE)
+
+        def made() -> Any:
+            with _library_found():
+                return PyPardisoSolver(mtype=self._SYMMETRIC_INDEFINITE)
+
+        self._error, self._new = PyPardisoError, made
         self._mkl = self._new()
-        # Without it pypardiso walks the whole environment for MKL in every solver that it makes: 0.6 s each.
-        os.environ.setdefault("PYPARDISO_MKL_RT", self._mkl.libmkl._name)
         self._pattern, self._analysed, self._scaled = pattern, False, False
 
     def solve(self, values: Array, right: Array) -> Array:
@@ -62,6 +73,7 @@ class Pardiso:
         """
         n = self._pattern.size
         matrix = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
+        self._matrix = matrix
         try:
             found = self._solved(matrix, right)
             if self._scaled or _accurate(matrix, found, right):
@@ -71,6 +83,12 @@ class Pardiso:
             for place, value in self._SCALED:
                 self._mkl.set_iparm(place, value)
             return self._solved(matrix, right)
+        except self._error as error:
+            raise SingularMatrixError(str(error)) from error
+
+    def again(self, right: Array) -> Array:
+        try:
+            return self._run(self._SOLVE, self._matrix, np.asfortranarray(right))
         except self._error as error:
             raise SingularMatrixError(str(error)) from error
 
@@ -87,6 +105,31 @@ class Pardiso:
         # pypardiso's public methods repeat the symbolic phase for every new matrix
         self._mkl.set_phase(phase)
         return np.asarray(self._mkl._call_pardiso(matrix, right))
+
+
+@functools.cache
+def _mkl_library() -> str | None:
+    """Where the installed distribution `mkl` keeps its library, if it is installed."""
+    try:
+        files = importlib.metadata.files("mkl") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    places = (str(file.locate()) for file in files if "mkl_rt" in file.name)
+    return next((place for place in places if Path(place).exists()), None)
+
+
+@contextlib.contextmanager
+def _library_found() -> Iterator[None]:
+    """pypardiso is told where MKL is; left alone it searches the whole installation, a second each time."""
+    place, name = _mkl_library(), "PYPARDISO_MKL_RT"
+    if place is None or name in os.environ:
+        yield
+        return
+    os.environ[name] = place
+    try:
+        yield
+    finally:
+        os.environ.pop(name, None)
 
 
 def _accurate(upper: Any, found: Array, right: Array) -> bool:
@@ -107,20 +150,26 @@ class SuperLU:
     def __init__(self, pattern: Pattern) -> None:
         self._pattern = pattern
 
+    def again(self, right: Array) -> Array:
+        return self._factor(right)
+
     def solve(self, values: Array, right: Array) -> Array:
         n = self._pattern.size
         upper = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
         matrix = (upper + sparse.triu(upper, 1).T).tocsr()
-        if self._pattern.cellwise:
-            return _eliminated(matrix, right, self._pattern.cellwise)
-        return _factorised(matrix, right)
+        count = self._pattern.cellwise
+        self._factor = _eliminated(matrix, count) if count else _factorised(matrix)
+        return self._factor(right)
 
 
-def _factorised(matrix: Any, right: Array) -> Array:
+Factor = Callable[[Array], Array]  # from right-hand sides (n, k) to what they give
+
+
+def _factorised(matrix: Any) -> Factor:
     from scipy.sparse.linalg import splu
 
     try:
-        factor = splu(
+        found = splu(
             matrix.tocsc(),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=1e-3,
@@ -128,24 +177,29 @@ def _factorised(matrix: Any, right: Array) -> Array:
         )
     except RuntimeError as error:
         raise SingularMatrixError(str(error)) from error
-    return np.asarray(factor.solve(right))
+    return lambda right: np.asarray(found.solve(right))
 
 
-def _eliminated(matrix: Any, right: Array, count: int) -> Array:
+def _eliminated(matrix: Any, count: int) -> Factor:
     """Solve for (v, ϑ, q) by way of v: the rows of q are Cᵀ v − M ϑ, those of ϑ are Bᵀ v + D ϑ − M q, M diagonal."""
-    first, middle = len(right) - 2 * count, len(right) - count
+    size = matrix.shape[0]
+    first, middle = size - 2 * count, size - count
     v, volumes, pressures = slice(0, first), slice(first, middle), slice(middle, None)
     B, C, D = matrix[v, volumes], matrix[v, pressures], matrix[volumes, volumes]
     inverse = sparse.diags(-1 / matrix[volumes, pressures].diagonal())
     BM, CM = B @ inverse, C @ inverse
     mixed = BM @ C.T
-    reduced = matrix[v, v] + mixed + mixed.T + CM @ D @ CM.T
-    volume_side = inverse @ right[pressures]
-    pressure_side = inverse @ (right[volumes] + D @ volume_side)
-    found = _factorised(reduced, right[v] + B @ volume_side + C @ pressure_side)
-    volume = CM.T @ found - volume_side
-    pressure = BM.T @ found + inverse @ (D @ volume - right[volumes])
-    return np.concatenate([found, volume, pressure])
+    factor = _factorised(matrix[v, v] + mixed + mixed.T + CM @ D @ CM.T)
+
+    def solved(right: Array) -> Array:
+        volume_side = inverse @ right[pressures]
+        pressure_side = inverse @ (right[volumes] + D @ volume_side)
+        found = factor(right[v] + B @ volume_side + C @ pressure_side)
+        volume = CM.T @ found - volume_side
+        pressure = BM.T @ found + inverse @ (D @ volume - right[volumes])
+        return np.concatenate([found, volume, pressure])
+
+    return solved
 
 
 def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> LinearSolver:

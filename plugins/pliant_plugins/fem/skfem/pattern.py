@@ -10,6 +10,7 @@ from scipy import sparse
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant_plugins.fem.constraints import Constraints
+from pliant_plugins.fem.skfem.kernel import scattered
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +61,9 @@ class Scatter:
 
     def values(self, local: Array, count: int) -> Array:
         """The matrix's values (count,) from local matrices (m, k, k)."""
-        entries = np.asarray(local.reshape(-1)[self.chosen], float)
-        if self.factor is not None:
-            entries *= self.factor
-        return np.bincount(self.slot, entries, minlength=count).astype(float, copy=False)
+        totals, factor = np.zeros(count), np.ones(0) if self.factor is None else self.factor
+        scattered(np.ascontiguousarray(local).reshape(-1), self.chosen, self.slot, factor, totals)
+        return totals
 
     def totals(self, local: Array, size: int) -> Array:
         """Sums over the dofs (size, k) of local columns (m, dofs, k)."""
@@ -102,14 +102,19 @@ class Terms:
     Attributes:
         value: the scalar.
         gradient: (n + G,) over all dofs, fixed ones too.
-        matrix: (nnz,) Hessian over the unknowns, upper triangle on the `Pattern`.
-        border: (n + G, G) Hessian's columns of the globals.
+        matrix: (nnz,) Hessian over the unknowns, upper triangle on the `Pattern`; of a `slope` nothing.
+        border: (n + G, G) Hessian's columns of the globals; of a `slope` no columns.
     """
 
     value: float
     gradient: Array
     matrix: Array
     border: Array
+
+    @property
+    def slope(self) -> Terms:
+        """Value and gradient alone."""
+        return Terms(self.value, self.gradient, self.matrix[:0], self.border[:, :0])
 
     def plus(self, factor: float, other: Terms) -> Terms:
         """self + factor · other."""

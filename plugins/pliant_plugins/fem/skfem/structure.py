@@ -18,7 +18,13 @@ from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 from pliant.records.structure import StructureProblem, StructureState
 from pliant_plugins.fem.config import SkfemConfig
-from pliant_plugins.fem.newton import DivergedError, Iteration, SingularMatrixError, Tolerance, in_load_steps
+from pliant_plugins.fem.iteration import (
+    DivergedError,
+    Iteration,
+    SingularMatrixError,
+    Tolerance,
+    in_load_steps,
+)
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.linear import linear_solver
 from pliant_plugins.fem.skfem.pattern import Terms

@@ -1,0 +1,165 @@
+"""Newton's iteration to a neighbouring equilibrium, in load steps that are halved where one fails.
+
+What is iterated, its correction and the measure of a correction are an `Iteration`'s; the way is the same: a
+predictor, corrections with a line search, and a first correction that is too long gives the load step up at once,
+because two half steps are cheaper. Near the equilibrium corrections come from the matrix that was factorised last, as
+long as each is far smaller than the one before (chord steps: Kelley, Iterative Methods for Linear and Nonlinear
+Equations, 1995, ch. 5.4).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+Trial = TypeVar("Trial")
+Step = TypeVar("Step")
+State = TypeVar("State")
+
+ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
+CHORD = 0.003  # strain of a correction after which the factorised matrix is worth another try
+SHRINK = 0.05  # share of the one before that a chord step may be
+
+
+class SingularMatrixError(ArithmeticError):
+    """The matrix could not be factorised."""
+
+
+class DivergedError(ArithmeticError):
+    """Newton's method did not converge, even in the smallest load steps."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """When a correction is small enough. Work is measured against `unit_j`, the energy of a uniform shear of 1.
+
+    Attributes:
+        strain: root mean square of the strain that the last correction adds.
+        max_iterations: corrections before a load step is halved.
+        max_halvings: how often a load step may be halved.
+        too_long: strain (root mean square) of a first correction that ends a load step.
+        shortest: fraction of a correction below which the line search gives up.
+        progress: share of its work below which a shortened correction must come.
+    """
+
+    unit_j: float
+    strain: float
+    max_iterations: int
+    max_halvings: int
+    too_long: float = 0.05
+    shortest: float = 1 / 32
+    progress: float = 0.9
+
+
+class Iteration(ABC, Generic[Trial, Step]):
+    """Newton's iteration to one load level."""
+
+    @abstractmethod
+    def correction(self, point: Trial) -> Step:
+        """Newton's step at a point. Raises `SingularMatrixError`."""
+
+    def again(self, point: Trial) -> Step | None:
+        """A step at a point from the matrix of the last `correction`; None where that is not kept."""
+        return None
+
+    @abstractmethod
+    def work(self, point: Trial, step: Step) -> float:
+        """Work (J) of the point's residual along a step, ≥ 0."""
+
+    @abstractmethod
+    def moved(self, point: Trial, step: Step, length: float) -> Trial | None:
+        """The point after a share of a step; None where a cell is inverted."""
+
+    def converged(
+        self, point: Trial | None, tolerance: Tolerance, final: bool, patient: bool
+    ) -> tuple[Trial, int]:
+        """The equilibrium that a predicted point leads to, and the corrections that it took.
+
+        A step that is not `final` ends near equilibrium. Unless `patient`, a load step is given up at once where the
+        predictor leaves much to correct.
+
+        Raises:
+            DivergedError: there is none within the iterations.
+            SingularMatrixError: the stiffness on the way.
+        """
+        enough = tolerance.strain**2 * tolerance.unit_j
+        enough = enough if final else max(enough, ON_THE_WAY**2 * tolerance.unit_j)
+        chords = 0
+        for number in range(1, tolerance.max_iterations + 1):
+            if point is None:
+                raise DivergedError("the predictor inverts cells")
+            step = self.correction(point)
+            work = self.work(point, step)
+            if work <= enough:
+                last = self.moved(point, step, 1.0)
+                if last is None:
+                    raise DivergedError("the last step inverts cells")
+                return last, number + chords
+            if number == 1 and not patient and work > tolerance.too_long**2 * tolerance.unit_j:
+                raise DivergedError("the load step is too long")
+            point = self._searched(point, step, work, tolerance)
+            point, more, done = self._by_chords(point, work, tolerance.unit_j, enough)
+            chords += more
+            if done:
+                return point, number + chords
+        raise DivergedError(f"no convergence in {tolerance.max_iterations} Newton steps")
+
+    def _by_chords(self, point: Trial, before: float, unit: float, enough: float) -> tuple[Trial, int, bool]:
+        """Chord steps after a correction that worked `before`: the point, how many there were, whether it is done.
+
+        It is when a step is small `enough` and what it leaves, itself times its share of the step before, is as small
+        as what a step of Newton's that is small enough would leave, its square.
+        """
+        count = 0
+        while before <= CHORD**2 * unit and (step := self.again(point)) is not None:
+            work = self.work(point, step)
+            moved = self.moved(point, step, 1.0) if work <= SHRINK**2 * before else None
+            if moved is None:
+                break
+            point, count = moved, count + 1
+            if work <= enough and work * work / before <= enough * enough / unit:
+                return point, count, True
+            before = work
+        return point, count, False
+
+    def _searched(self, point: Trial, step: Step, work: float, tolerance: Tolerance) -> Trial:
+        """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
+        length = 1.0
+        while length >= tolerance.shortest:
+            trial = self.moved(point, step, length)
+            if trial is not None and self.work(trial, step) < tolerance.progress * work:
+                return trial
+            length /= 2
+        raise DivergedError("the line search found no better point")
+
+
+def in_load_steps(
+    start: State, step: Callable[[State, float, bool], tuple[State, int]], max_halvings: int
+) -> tuple[State, int]:
+    """Go from `start` to the whole load, in one step or, where that fails or is too long, in shorter ones.
+
+    Args:
+        start: where the way begins.
+        step: from a state to a share of the load, and whether to be patient; the state there, and iterations.
+        max_halvings: how often a load step may be halved.
+
+    Raises:
+        DivergedError: the smallest step failed; says how far it came.
+    """
+    here, reached, length, count = start, 0.0, 1.0, 0
+    smallest = 0.5**max_halvings
+    while reached < 1.0:
+        goal = min(reached + length, 1.0)
+        try:
+            here, iterations = step(here, goal, length <= smallest)
+        except (DivergedError, SingularMatrixError, np.linalg.LinAlgError) as error:
+            length /= 2
+            if length < smallest:
+                raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
+            continue
+        reached, count, length = goal, count + iterations, 2 * length
+    return here, count
