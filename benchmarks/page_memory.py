@@ -54,8 +54,10 @@ def round_of_use(user: PageUser) -> None:
     for choice in ("#against", "#over"):
         for name in page.locator(f"{choice} option").all_text_contents():
             page.select_option(choice, label=name)
-    for button in ("#undo", "#redo", "#undo"):
+    for button, by in (("#undo", -1), ("#redo", 1), ("#undo", -1)):
+        cursor = page.evaluate("view.model.cursor")
         page.click(button)
+        user.until(f"view.model.cursor === {cursor + by}")
         user.settled()
 
 
