@@ -20,6 +20,7 @@ EPISODE_S = 6.0
 BAR = 20.0
 OBJECTS = {"egg": 5, "cylinder": 1}
 EFFECT = "stiffness"
+TOUCHING = "_finger_contact"
 
 
 def main() -> None:
@@ -29,10 +30,11 @@ def main() -> None:
     engines = [kind for kind in counts if known(kind)]
     chain = finger()
     chains = {"": chain, "_with_effect": component("effect", EFFECT, factor=1.1).apply(Model(chain)).chain}
-    cases = {
-        f"{name}_{kind}{end}": (name, kind, chains[end])
+    cases: dict[str, tuple[str, str, ChainModel, bool]] = {
+        f"{name}_{kind}{end}": (name, kind, chains[end], False)
         for name, kind, end in product(OBJECTS, engines, chains)
     }
+    cases |= {f"{name}_mujoco{TOUCHING}": (name, "mujoco", chain, True) for name in OBJECTS}
     walls: dict[str, list[float]] = {key: [] for key in cases}
     more: dict[str, dict[str, Any]] = {}
     for repeat in range(max(counts[kind] for kind in engines)):
@@ -55,21 +57,29 @@ def main() -> None:
     write("grasp_speed", result)
     least = min(v["real_time_factor"] for k, v in result.items() if k.endswith("mujoco"))
     print(f"MuJoCo: at least {least:.1f} × real time; to reach: {BAR:g} ×")
+    touching = min(v["real_time_factor"] for k, v in result.items() if k.endswith(TOUCHING))
+    cpu = min(EPISODE_S / v["cpu_s"] for k, v in result.items() if k.endswith(TOUCHING))
+    print(
+        f"MuJoCo, fingers on fingers and on themselves: at least {touching:.1f} × ({cpu:.1f} × of processor time); "
+        f"to reach: {BAR:g} ×"
+    )
     for name, kind in product(OBJECTS, engines):
         plain, effect = (result[f"{name}_{kind}{end}"]["least_s"] for end in chains)
         print(f"{name}, {kind}: with '{EFFECT}' {effect / plain:.2f} × the time")
 
 
-def _episode(name: str, kind: str, chain: ChainModel) -> tuple[float, dict[str, Any]]:
+def _episode(name: str, kind: str, chain: ChainModel, touch: bool) -> tuple[float, dict[str, Any]]:
     """Wall time of a grasp, how it ended, and the time that building its scene takes."""
-    task, backend = grasp(object=name, extra_weights=OBJECTS[name], pressure=15e3), engine(kind)
+    task = grasp(object=name, extra_weights=OBJECTS[name], pressure=15e3, finger_contact=touch)
+    backend = engine(kind)
     started = time.perf_counter()
     with backend.build_scene(task.scene(chain)) as built:
         building_s = time.perf_counter() - started
         built.markers(0)
-    started = time.perf_counter()
+    started, busy = time.perf_counter(), time.process_time()
     mode = task.run(chain, backend.build_scene).metrics["mode"]
-    return time.perf_counter() - started, {"building_s": building_s, "mode": mode}
+    wall_s, cpu_s = time.perf_counter() - started, time.process_time() - busy
+    return wall_s, {"building_s": building_s, "mode": mode, "cpu_s": cpu_s}
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.records.design import Array, MassProperties
 from pliant.records.shape import TriangleMesh
 
+# Voxels of the decomposition: a hundred times fewer than V-HACD's usual, and a second of one core.
+VOXELS = 20_000
 READ = (".stl", ".obj", ".ply", ".off")
 LARGEST_M = 2.0  # beyond it, a part was drawn in millimetres and read as metres
 
@@ -72,6 +75,36 @@ def read_solid(path: Path, scale: float = 1.0) -> Solid:
             float(read.volume), np.array(read.center_mass, float), np.array(properties["inertia"], float)
         ),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexPart:
+    """A convex surface in the solid's frame, and what it encloses."""
+
+    surface: TriangleMesh
+    volume_m3: float
+
+
+def convex_parts(solid: Solid, most: int) -> tuple[ConvexPart, ...]:
+    """The convex hull, or up to `most` convex parts that together stand for the solid.
+
+    By V-HACD (Mamou, Volumetric hierarchical approximate convex decomposition, 2016): voxels are cut by planes until
+    the parts hardly enclose more than the solid. The same solid gives the same parts.
+
+    Raises:
+        MissingDependencyError: vhacdx is not installed.
+    """
+    if most == 1:
+        return (ConvexPart(solid.hull, solid.hull_volume_m3),)
+    trimesh = _trimesh()
+    if find_spec("vhacdx") is None:
+        raise MissingDependencyError("convex parts of a mesh need vhacdx: pip install 'pliant[concave]'.")
+    surface = trimesh.Trimesh(solid.surface.vertices_m, solid.surface.faces, process=False)
+    found = trimesh.decomposition.convex_decomposition(
+        surface, maxConvexHulls=most, resolution=VOXELS, asyncACD=False
+    )
+    hulls = [trimesh.Trimesh(**one).convex_hull for one in found]
+    return tuple(ConvexPart(_surface(hull), float(hull.volume)) for hull in hulls)
 
 
 def write_stl(surface: TriangleMesh, path: Path) -> None:

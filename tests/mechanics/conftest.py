@@ -14,6 +14,7 @@ AXES: dict[JointKind, tuple[str, ...]] = {
     "revolute": ("y",),
     "prismatic": ("x",),
     "spherical": ("x", "y", "z"),
+    "extensible": ("x", "y", "z", "e"),
 }
 
 
@@ -25,8 +26,8 @@ class CubicLaw(JointLaw):
     def __init__(self, joint: JointKind, domain: Domain | None = None) -> None:
         self.joint, self.axes = joint, AXES[joint]
         n = len(self.axes)
-        self.gain = np.array([0.2, 1.0, -0.3])[:n] * 1e-6
-        self.stiffness = np.diag([0.02, 0.05, 0.03])[:n, :n] + 0.004
+        self.gain = np.array([0.2, 1.0, -0.3, 0.4])[:n] * 1e-6
+        self.stiffness = np.diag([0.02, 0.05, 0.03, 0.04])[:n, :n] + 0.004
         self.cubic = 0.02
         self.domain = domain or Domain.unbounded(n)
 
@@ -68,9 +69,14 @@ def random_chain(joint: JointKind, n_joints: int = 5, seed: int = 0) -> ChainMod
     )
 
 
-@pytest.fixture(params=["revolute", "spherical", "prismatic"])
+@pytest.fixture(params=["revolute", "spherical", "prismatic", "extensible"])
 def chain(request: pytest.FixtureRequest) -> ChainModel:
     return random_chain(request.param)
+
+
+@pytest.fixture
+def extensible_chain() -> ChainModel:
+    return random_chain("extensible")
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties
-from pliant.records.law import Domain, Effort, JointLaw, LawRecord, ScalarLaw
+from pliant.records.law import EXTENSIBLE_AXES, Domain, Effort, JointLaw, LawRecord, ScalarLaw
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -47,6 +47,25 @@ def spatial(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: A
             tau[a] -= c[3 + 3 * a + b] * u[b]
             dtau_du[a, b] = -c[3 + 3 * a + b] - 2 * c[12] * u[a] * u[b]
         dtau_du[a, a] -= c[12] * square
+
+
+def growing(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
+    """τ = −∂Π/∂u, Π = ½ uᵀKu + ½ c e θ² + ¼ d θ⁴ − p g·u with u = (φ, e), θ = |φ|: what is longer bends less easily."""
+    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    for a in range(4):
+        tau[a] = p * c[a]
+        dtau_dp[a] = c[a]
+        for b in range(4):
+            tau[a] -= c[4 + 4 * a + b] * u[b]
+            dtau_du[a, b] = -c[4 + 4 * a + b]
+    for a in range(3):
+        tau[a] -= (c[20] * u[3] + c[21] * square) * u[a]
+        dtau_du[a, a] -= c[20] * u[3] + c[21] * square
+        dtau_du[a, 3] -= c[20] * u[a]
+        dtau_du[3, a] -= c[20] * u[a]
+        for b in range(3):
+            dtau_du[a, b] -= 2 * c[21] * u[a] * u[b]
+    tau[3] -= 0.5 * c[20] * square
 
 
 def stretch(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
@@ -107,6 +126,22 @@ class ScalarSpatial(RowWise):
         self.form = ScalarLaw(self.function, np.concatenate([gain, k.ravel(), [cubic]]))
 
 
+class ScalarGrowing(RowWise):
+    joint, axes, domain = "extensible", EXTENSIBLE_AXES, Domain.unbounded(4)
+    function = staticmethod(growing)
+
+    def __init__(self) -> None:
+        k = np.zeros((4, 4))
+        k[:3, :3] = np.diag([0.02, 0.05, 0.03]) + 0.004
+        k[3] = k[:, 3] = [0.1, 0.4, -0.3, 600.0]
+        gain = np.array([0.2e-6, 1e-6, -0.3e-6, 4e-5])
+        self.form = ScalarLaw(self.function, np.concatenate([gain, k.ravel(), [2.0, 0.02]]))
+
+
+class GrowingLaw(ScalarGrowing):
+    compiled = False
+
+
 class ScalarStretch(RowWise):
     joint, axes, domain = "prismatic", ("x",), Domain.unbounded(1)
     form = ScalarLaw(stretch, np.array([1e-4, 200.0, 1e5]))
@@ -124,7 +159,12 @@ class StretchLaw(ScalarStretch):
     compiled = False
 
 
-SCALAR = {"revolute": ScalarStudy, "spherical": ScalarSpatial, "prismatic": ScalarStretch}
+SCALAR = {
+    "revolute": ScalarStudy,
+    "spherical": ScalarSpatial,
+    "prismatic": ScalarStretch,
+    "extensible": ScalarGrowing,
+}
 
 
 def finger(
@@ -211,7 +251,12 @@ def study_law() -> type[StudyLaw]:
 @pytest.fixture
 def finger_of() -> Callable[..., ChainModel]:
     """A finger by kind of joint and number of modules."""
-    laws = {"revolute": StudyLaw, "spherical": SpatialLaw, "prismatic": StretchLaw}
+    laws = {
+        "revolute": StudyLaw,
+        "spherical": SpatialLaw,
+        "prismatic": StretchLaw,
+        "extensible": GrowingLaw,
+    }
     return lambda kind, n: finger(laws[kind](), n, module_kg=0.0016, com_offset_m=0.01)
 
 

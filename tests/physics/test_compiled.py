@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +33,14 @@ TWO = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -0.5))
 PRESSURES = {"pressure_1_pa": 12e3, "pressure_2_pa": 5e3}
 
 
+def acting(actuators: tuple[Actuator, ...], kind: str) -> tuple[Actuator, ...]:
+    """The actuators with signs that a compiled chain of this kind takes."""
+    return tuple(replace(a, sign=1.0) for a in actuators) if kind == "extensible" else actuators
+
+
 def two_laws(kind: str, n: int = 5) -> ChainModel:
-    """Opposed actuators on a chain whose joints have two laws in turn."""
-    chain = finger(SCALAR[kind](), n, actuators=TWO)
+    """Opposed actuators on a chain whose joints have two laws in turn; on extensible ones both have the same sign."""
+    chain = finger(SCALAR[kind](), n, actuators=acting(TWO, kind))
     joints = tuple(type(j)(k % 2, j.offset_m, j.rest_rotation) for k, j in enumerate(chain.joints))
     other = ScalarStudy(b_e=0.04) if kind == "revolute" else SCALAR[kind]()
     return chain.with_(laws=(*chain.laws, other), joints=joints)
@@ -47,6 +53,8 @@ def test_efforts_are_those_of_the_laws(kind: str) -> None:
     assert laws is not None
     n, a = chain.n_joints, len(chain.axes)
     q = np.random.default_rng(1).normal(size=(n, a)) * (0.003 if kind == "prismatic" else 0.6)
+    if kind == "extensible":
+        q[:, 3] *= 0.005
     tau, by_actuator, by_q = np.empty((n, a)), np.empty((2, n, a)), np.empty((n, a, a))
     efforts(laws.arrays, q, np.array([*PRESSURES.values()]), tau, by_actuator, by_q)
     wanted = JointEfforts(chain).evaluate(q, PRESSURES)
@@ -98,7 +106,7 @@ def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
     """A chain turned in all directions under every kind of load, and joint coordinates."""
     random = np.random.default_rng(seed)
     two = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -0.7))
-    chain = random_chain(seed, n=7).with_(laws=(SCALAR[kind](),), actuators=two)
+    chain = random_chain(seed, n=7).with_(laws=(SCALAR[kind](),), actuators=acting(two, kind))
 
     def place() -> np.ndarray:
         return random.normal(size=3) * 0.01
@@ -112,7 +120,10 @@ def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
     )
     # Closed forms and series of rotations, and where one takes over from the other.
     size = 0.003 if kind == "prismatic" else (0.9, 0.2, 0.06, 1e-9)[seed]
-    return chain, inputs, random.normal(size=(7, len(chain.axes))) * size
+    q = random.normal(size=(7, len(chain.axes))) * size
+    if kind == "extensible":
+        q[:, 3] *= 0.01
+    return chain, inputs, q
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -176,7 +176,7 @@ def test_a_batch_is_the_same_runs_one_by_one_to_the_bit(finger_of: Callable[...,
     for k in range(7):
         pressure = 9e3 * np.sin(9 * t + k) ** 2
         history = History.of({"pressure_pa": pressure}, t, run=f"{k}", tip_force_n=[0.01, 0.002 * k, 0.0])
-        runs.append(Run(chains[k % 3], history))
+        runs.append(Run(chains[k % len(chains)], history))
     backend = Mujoco(MujocoConfig(timestep_s=0.006))
     for run, rollout in zip(runs, backend.rollout_batch(runs), strict=True):
         with backend.build(run.chain) as simulation:

@@ -177,8 +177,11 @@ class Simulation(EngineHandle, ABC):
     def _response(self, found: Equilibrium, by_input: Array, turned: Array | None) -> Response:
         pose = ChainGeometry.of(self.chain).forward(found.joint_angles)
         spin = np.zeros((len(by_input), 3))
-        if turned is not None and self.chain.laws[0].joint != "prismatic":
-            spin = np.einsum("nia,kna->ki", pose.directions, turned)
+        geometry = ChainGeometry.of(self.chain)
+        if turned is not None and geometry.turns:
+            spin = np.einsum(
+                "nia,kna->ki", pose.directions[:, :, : geometry.slide], turned[..., : geometry.slide]
+            )
         parts = (found.joint_angles, found.markers_m, by_input, pose.rotations[-1], spin)
         return Response(*parts, turned is not None, not found.outside_domain)
 

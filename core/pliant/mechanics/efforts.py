@@ -18,7 +18,7 @@ from pliant.errors import UserError
 from pliant.mechanics.terms import LawTerms, TermMemory
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
-from pliant.records.law import JointLaw
+from pliant.records.law import EXTENSION, JointLaw
 from pliant.records.rollout import OutsideDomain
 
 # Excesses below this are rounding, not extrapolation.
@@ -163,8 +163,8 @@ class JointEfforts:
     ) -> tuple[OutsideDomain, ...]:
         """Where laws are used outside the box of their data, or where their slope is not negative.
 
-        `variable` is the input's name, `angle_rad` (`angle_x_rad`… on a spherical joint, `extension_m` on a
-        prismatic one) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates. Of
+        `variable` is the input's name, `angle_rad` (`angle_x_rad`… on joints with several axes, `extension_m` of a
+        travel) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates. Of
         actuators that leave their box by the same variable of a joint, the one furthest outside is told.
         """
         values = self.values(actuation)
@@ -196,7 +196,7 @@ class JointEfforts:
         for actuator, value, turn in known:
             excess = group.law.domain.excess(np.full(len(joints), value), joints @ turn)
             if not actuator.rotation_rad:  # else it is told about the actuator's own axes
-                excess[:, 1:] *= actuator.sign
+                excess[:, 1:] *= np.diag(turn)
             yield (actuator.input, *names), excess
 
     def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
@@ -215,4 +215,4 @@ def _deformation_names(law: JointLaw) -> tuple[str, ...]:
         return ("extension_m",)
     if law.joint == "revolute":
         return ("angle_rad",)
-    return tuple(f"angle_{axis}_rad" for axis in law.axes)
+    return tuple("extension_m" if axis == EXTENSION else f"angle_{axis}_rad" for axis in law.axes)

@@ -30,11 +30,14 @@ def mass_matrix(chain: ChainModel, q: Array) -> Array:
     points = pose.origins[body] + np.einsum("kij,kj->ki", rotations, np.array([p.com_m for p in pieces]))
     moves = np.arange(n)[None, :] < body[:, None]
     spin = np.where(moves[:, :, None, None], pose.directions[None], 0.0)
-    if geometry.kind == "prismatic":
-        velocity, spin = spin, np.zeros_like(spin)
-    else:
-        arms = points[:, None, :] - pose.origins[None, 1:, :]
+    if geometry.turns:
+        arms = points[:, None, :] - pose.pivots[None]
         velocity = np.cross(spin, arms[..., None], axisa=2, axisb=2, axisc=2)
+        if geometry.slide is not None:
+            velocity[..., geometry.slide] = spin[..., geometry.slide]
+            spin[..., geometry.slide] = 0.0
+    else:
+        velocity, spin = spin, np.zeros_like(spin)
     inertia = rotations @ np.array([p.inertia_kg_m2 for p in pieces]) @ rotations.transpose(0, 2, 1)
     mass = np.array([p.mass_kg for p in pieces])
     matrix = np.einsum("k,kixa,kjxb->iajb", mass, velocity, velocity, optimize=True)

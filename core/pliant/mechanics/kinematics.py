@@ -2,7 +2,8 @@
 
 Body i + 1 hangs on joint i: its origin is P = p + R (offset) of its parent and its orientation
 R_parent · rest · exp(B q), where the columns of B (3, a) are the joint's axes. A prismatic joint moves the
-child by q along its axis instead.
+child by q along its axis instead. An extensible one, q = (φ, e), turns by φ and then moves the child by e along the
+child's own x: the joint stays at the middle of the resting module, and all that the module has grown lies beyond it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pliant.errors import ContractError
 from pliant.mechanics.rotations import exp_map, left_jacobian, skew
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.law import JointKind
+from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, N_AXES, JointKind, travels
 
 AXES = {"x": 0, "y": 1, "z": 2}
 MAIN_AXIS = "y"
@@ -30,18 +31,25 @@ class Pose:
         origins: (n + 1, 3) body origins; body i + 1 has its own at joint i.
         rotations: (n + 1, 3, 3) body orientations.
         rest_frames: (n, 3, 3) rest frames of the joints: parent's orientation times rest rotation.
-        directions: (n, 3, a) angular velocity of the child per rate of each coordinate (prismatic: velocity).
+        directions: (n, 3, a) angular velocity of the child per rate of each coordinate (its velocity where that is a
+            travel: see `ChainGeometry.turns` and `slide`).
+        pivots: (n, 3) the points about which the joints turn; a body has left its own by what its joint has extended.
     """
 
     origins: Array
     rotations: Array
     rest_frames: Array
     directions: Array
+    pivots: Array
 
 
 @dataclass(frozen=True, eq=False)
 class ChainGeometry:
-    """What of a chain does not move: joint kind, axes and offsets, as arrays."""
+    """What of a chain does not move: joint kind, axes and offsets, as arrays.
+
+    `basis` (3, a) has the axes of turns, or of a prismatic joint's travel, as columns; that of an extension is zero.
+    `reach` (a,) is the move of each coordinate that counts as much as a turn of 1 rad: of travels a module's length.
+    """
 
     kind: JointKind
     axes: tuple[str, ...]
@@ -51,6 +59,7 @@ class ChainGeometry:
     tip_offset: Array
     base_position: Array
     base_rotation: Array
+    reach: Array
 
     @staticmethod
     def of(chain: ChainModel) -> ChainGeometry:
@@ -64,12 +73,13 @@ class ChainGeometry:
         return ChainGeometry(
             kind=law.joint,
             axes=law.axes,
-            basis=np.eye(3)[:, [AXES[axis] for axis in law.axes]],
+            basis=np.stack([np.eye(3)[AXES[a]] if a in AXES else np.zeros(3) for a in law.axes], axis=1),
             offsets=np.array([joint.offset_m for joint in chain.joints], float),
             rest_rotations=np.array([joint.rest_rotation for joint in chain.joints], float),
             tip_offset=np.asarray(chain.tip_offset_m, float),
             base_position=np.asarray(chain.base_position_m, float),
             base_rotation=np.asarray(chain.base_rotation, float),
+            reach=_reach(chain),
         )
 
     @property
@@ -79,7 +89,22 @@ class ChainGeometry:
     @property
     def main(self) -> int:
         """Column of the main bending axis, or of the only axis."""
-        return self.axes.index(MAIN_AXIS) if MAIN_AXIS in self.axes else 0
+        return main_axis(self.axes)
+
+    @property
+    def slide(self) -> int | None:
+        """Column of the coordinate that is a travel beside turns; None where there is none."""
+        return self.axes.index(EXTENSION) if EXTENSION in self.axes else None
+
+    @property
+    def turns(self) -> bool:
+        """Whether the joints turn: about their pivots, and all that lies beyond with them."""
+        return self.kind != "prismatic"
+
+    @property
+    def relative_reach(self) -> Array:
+        """(a,) `reach` as a share of the first coordinate's."""
+        return np.asarray(self.reach / self.reach[0])
 
     def rotation_vectors(self, q: Array) -> Array:
         """(n, 3) rotation vectors of the joints."""
@@ -96,18 +121,24 @@ class ChainGeometry:
             rotations[i + 1] = rotations[i] @ turns[i]
         rest_frames = rotations[:-1] @ self.rest_rotations
         links = np.einsum("nij,nj->ni", rotations[:-1], self.offsets)
+        ball = self.kind in ("spherical", "extensible")
+        directions = rest_frames @ (left_jacobian(phi) @ self.basis if ball else self.basis)
         if self.kind == "prismatic":
             links += np.einsum("nij,nj->ni", rest_frames, phi)
-        spherical = self.kind == "spherical"
-        directions = rest_frames @ (left_jacobian(phi) @ self.basis if spherical else self.basis)
+        elif self.slide is not None:
+            along = directions[:, :, self.slide] = rotations[1:, :, 0]
+            links += q[:, self.slide, None] * along
         origins[1:] = self.base_position + np.cumsum(links, axis=0)
-        return Pose(origins, rotations, rest_frames, directions)
+        pivots = origins[1:]
+        if self.slide is not None:
+            pivots = pivots - q[:, self.slide, None] * rotations[1:, :, 0]
+        return Pose(origins, rotations, rest_frames, directions, pivots)
 
     def _turns(self, q: Array, phi: Array) -> Array:
         """(n, 3, 3) or (1, 3, 3) rotations of the joints themselves."""
         if self.kind == "prismatic":
             return np.eye(3)[None]
-        if self.kind == "spherical":
+        if self.kind != "revolute":
             return exp_map(phi)
         hinge = skew(self.basis[:, 0])
         angle = q[:, :, None]
@@ -120,6 +151,16 @@ class ChainGeometry:
         return np.concatenate([pose.origins, tip[None]])
 
 
+def _reach(chain: ChainModel) -> Array:
+    slides = travels(chain.laws[0].joint, chain.axes)
+    return np.where(slides, chain.length_m / chain.n_joints, 1.0) if any(slides) else np.ones(len(slides))
+
+
+def main_axis(axes: Sequence[str]) -> int:
+    """Column of the main bending axis among a joint's axes, or of the only one."""
+    return axes.index(MAIN_AXIS) if MAIN_AXIS in axes else 0
+
+
 def _check(chain: ChainModel) -> None:
     if not chain.joints or not chain.laws:
         raise ContractError("a chain needs at least one joint and one law")
@@ -130,8 +171,12 @@ def _check(chain: ChainModel) -> None:
     first = chain.laws[0]
     if any(law.joint != first.joint or law.axes != first.axes for law in chain.laws):
         raise ContractError("all laws of a chain must share the joint kind and the axes")
-    n_axes = 3 if first.joint == "spherical" else 1
-    if len(set(first.axes)) != n_axes or not set(first.axes) <= set(AXES):
+    n_axes = N_AXES[first.joint]
+    if first.joint == "extensible" and first.axes != EXTENSIBLE_AXES:
+        raise ContractError(
+            f"an extensible law has all of the axes x, y, z, e in this order, not {first.axes}"
+        )
+    if first.joint != "extensible" and (len(set(first.axes)) != n_axes or not set(first.axes) <= set(AXES)):
         raise ContractError(f"a {first.joint} law has {n_axes} of the axes x, y, z, not {first.axes}")
     if any(not 0 <= joint.law < len(chain.laws) for joint in chain.joints):
         raise ContractError("a joint names a law that the chain does not have")
@@ -153,6 +198,8 @@ def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Arra
             position = position + np.einsum("tij,tj->ti", rotation, vectors[:, i])
         else:
             rotation = rotation @ exp_map(vectors[:, i])
+        if geometry.slide is not None:
+            position = position + q[:, i, geometry.slide, None] * rotation[:, :, 0]
         markers[:, i + 1] = position
     markers[:, n + 1] = position + rotation @ geometry.tip_offset
     return markers

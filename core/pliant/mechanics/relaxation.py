@@ -61,14 +61,12 @@ class Relaxed:
     steps: int
 
 
-def relax(
-    mover: Mover, statics: ChainStatics, loads: Loads, tolerance: float, max_steps: int, reach: float = 1.0
-) -> Relaxed:
+def relax(mover: Mover, statics: ChainStatics, loads: Loads, tolerance: float, max_steps: int) -> Relaxed:
     """Relax from the present state; ends halted, at a minimum of the potential or with `converged` False.
 
-    `reach` converts turns to joint coordinates (1 for angles, a length for prismatic joints).
+    Turns are converted to joint coordinates by `ChainGeometry.reach`.
     """
-    q = mover.q
+    q, reach = mover.q, statics.geometry.reach
     mover.halt(q)
     caution = 1.0
     steps = 0
@@ -78,19 +76,20 @@ def relax(
         balanced = size <= tolerance
         mode = unstable_mode(statics.balance(q, loads).stiffness) if balanced else None
         found = balanced and mode is None
-        lost = not np.isfinite(size) or np.abs(q).max() > FURTHEST_TURN * reach
+        lost = not np.isfinite(size) or np.any(np.abs(q) > FURTHEST_TURN * reach)
         if found or lost or steps == max_steps or caution > MAX_CAUTION:
             mover.halt(q)
             return Relaxed(q, size, found, found, steps)
         if mode is not None:
-            q = q + NUDGE * reach * (mode / np.abs(mode).max()).reshape(q.shape)
+            mode = mode.reshape(q.shape)
+            q = q + NUDGE * (mode / np.abs(mode / reach).max())
             mover.halt(q)
         elif np.sum(residual * mover.rates) < 0.0:
             mover.halt(q)
         mover.relax_step(loads, q, _joint_bounds(statics, q, loads), caution)
         steps += 1
         moved = mover.q
-        if np.isfinite(moved).all() and np.abs(moved - q).max() <= LONGEST_TURN * reach:
+        if np.isfinite(moved).all() and np.all(np.abs(moved - q) <= LONGEST_TURN * reach):
             q, caution = moved, max(1.0, REGAIN * caution)
         else:
             caution *= 2.0
@@ -98,6 +97,13 @@ def relax(
 
 
 def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:
-    """(n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness."""
-    rows = np.abs(statics.load_stiffness(q, loads)).sum(axis=1).reshape(q.shape)
+    """(n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness.
+
+    Travels beside turns are counted in reaches: the bound is N·m, and that of such a travel is this / reach².
+    """
+    stiffness = np.abs(statics.load_stiffness(q, loads))
+    if statics.geometry.slide is not None:
+        every = np.tile(statics.geometry.reach, len(q))
+        stiffness = every[:, None] * stiffness * every
+    rows = stiffness.sum(axis=1).reshape(q.shape)
     return np.asarray(0.5 * rows.max(axis=1))

@@ -8,7 +8,12 @@ P_j its position, G_j = Σ_{k≥j} (x_k − P_j) × F_k and T_j = Σ_{k≥j} [(x
 
     Q_j = ω_jᵀ G_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ T_j ω_j  (i < j),
 
-because the proximal joint turns everything beyond it; the diagonal block has −Gᵀ ∂ω_j/∂q_j too. The opposing
+because the proximal joint turns everything beyond it; the diagonal block has −Gᵀ ∂ω_j/∂q_j too. A travel along t_j,
+which moves what lies beyond and turns nothing, has with f_j = Σ_{k≥j} F_k
+
+    Q_j = t_jᵀ f_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ (t_j × f_j) for a turn i ≤ j,   0 for a travel i.
+
+The opposing
 end moment M is carried by every joint: its potential M Σ q is exactly that of a moment on the tip body where
 the chain is planar, and keeps the chain conservative where it is not.
 """
@@ -174,7 +179,7 @@ class ChainStatics:
         effort = self.efforts.evaluate(q, loads.actuation, loads.memory)
         residual = self._with_moment(effort.tau, loads) + self._generalised(pose, moment, force)
         n, a = q.shape
-        stiffness = self._load_stiffness(q, pose, moment, torsor) + self._cord_stiffness(pose, loads)
+        stiffness = self._load_stiffness(q, pose, moment, force, torsor) + self._cord_stiffness(pose, loads)
         stiffness = stiffness.reshape(n, a, n, a)
         joints = np.arange(n)
         stiffness[joints, :, joints, :] -= effort.dtau_du
@@ -183,8 +188,8 @@ class ChainStatics:
     def load_stiffness(self, q: Array, loads: Loads) -> Array:
         """(n·a, n·a) Hessian of the potential of weights, payload and tip force."""
         pose = self.geometry.forward(q)
-        moment, _, torsor = self._beyond(pose, loads)
-        return self._load_stiffness(q, pose, moment, torsor) + self._cord_stiffness(pose, loads)
+        moment, force, torsor = self._beyond(pose, loads)
+        return self._load_stiffness(q, pose, moment, force, torsor) + self._cord_stiffness(pose, loads)
 
     def acting(self, pose: Pose, loads: Loads) -> list[ActingForce]:
         """The point forces and cords of the loads where they act, for engines that push bodies."""
@@ -205,11 +210,14 @@ class ChainStatics:
         """(3, n, a) velocity of a world point of a body per rate of the joint coordinates."""
         jacobian = np.zeros((3, *pose.directions.shape[::2]))
         moving = pose.directions[:body]
-        if self.geometry.kind == "prismatic":
+        if not self.geometry.turns:
             jacobian[:, :body] = moving.transpose(1, 0, 2)
-        else:
-            arms = point_m - pose.origins[1 : body + 1]
-            jacobian[:, :body] = np.cross(moving, arms[:, :, None], axis=1).transpose(1, 0, 2)
+            return jacobian
+        arms = point_m - pose.pivots[:body]
+        jacobian[:, :body] = np.cross(moving, arms[:, :, None], axis=1).transpose(1, 0, 2)
+        slide = self.geometry.slide
+        if slide is not None:
+            jacobian[:, :body, slide] = moving[:, :, slide].T
         return jacobian
 
     def effort(self, q: Array, loads: Loads) -> Array:
@@ -253,7 +261,7 @@ class ChainStatics:
                 products[acting.body - 1] += np.outer(acting.point_m, acting.force_n)
         force = np.cumsum(forces[::-1], axis=0)[::-1][:-1]
         torsor = np.cumsum(products[::-1], axis=0)[::-1][:-1]
-        torsor = torsor - pose.origins[1:, :, None] * force[:, None, :]
+        torsor = torsor - pose.pivots[:, :, None] * force[:, None, :]
         moment = np.stack(
             [
                 torsor[:, 1, 2] - torsor[:, 2, 1],
@@ -265,23 +273,35 @@ class ChainStatics:
         return moment, force, torsor
 
     def _generalised(self, pose: Pose, moment: Array, force: Array) -> Array:
-        acting = force if self.geometry.kind == "prismatic" else moment
-        return np.asarray(np.einsum("nia,ni->na", pose.directions, acting))
+        acting = moment if self.geometry.turns else force
+        effort = np.asarray(np.einsum("nia,ni->na", pose.directions, acting))
+        slide = self.geometry.slide
+        if slide is not None:
+            effort[:, slide] = np.einsum("ni,ni->n", pose.directions[:, :, slide], force)
+        return effort
 
-    def _load_stiffness(self, q: Array, pose: Pose, moment: Array, torsor: Array) -> Array:
+    def _load_stiffness(self, q: Array, pose: Pose, moment: Array, force: Array, torsor: Array) -> Array:
         n, a = q.shape
-        if self.geometry.kind == "prismatic":
+        if not self.geometry.turns:
             return np.zeros((n, n))
+        slide = self.geometry.slide
         trace = np.trace(torsor, axis1=1, axis2=2)
         turned = (torsor - trace[:, None, None] * np.eye(3)) @ pose.directions
-        left = pose.directions.transpose(1, 0, 2).reshape(3, n * a)
+        turning = pose.directions
+        if slide is not None:
+            turned[:, :, slide] = np.cross(pose.directions[:, :, slide], force)
+            turning = turning.copy()
+            turning[:, :, slide] = 0.0
+        left = turning.transpose(1, 0, 2).reshape(3, n * a)
         blocks = -(left.T @ turned.transpose(1, 0, 2).reshape(3, n * a)).reshape(n, a, n, a)
         joints = np.arange(n)
-        if self.geometry.kind == "spherical":
+        if self.geometry.kind != "revolute":
             blocks[joints, :, joints, :] -= self._own_slopes(q, pose, moment)
         upper = joints[:, None] < joints[None, :]
         blocks = np.where(upper[:, None, :, None], blocks, blocks.transpose(2, 3, 0, 1))
         diagonal = blocks[joints, :, joints, :]
+        if slide is not None:
+            diagonal[:, :, slide] = diagonal[:, slide]  # the block stands transposed here
         blocks[joints, :, joints, :] = 0.5 * (diagonal + diagonal.transpose(0, 2, 1))
         return blocks.reshape(n * a, n * a)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array, MassProperties
-from pliant.records.law import JointLaw
+from pliant.records.law import N_AXES, JointLaw
 from pliant.records.shape import Shape
 from pliant.records.term import LawTerm
 
@@ -44,7 +44,8 @@ class Ring(NamedTuple):
 class Actuator:
     """A chamber or tendon that acts on joints: τ += T law(p, Tᵀ u) with T = sign · R_x(rotation).
 
-    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints with three axes only. To a
+    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints that turn about three axes
+    only. Neither sign nor rotation changes an extension. To a
     law of m actuations m of them in a row give one value each, a; then T is 1, and τ = law(a, u).
     """
 
@@ -57,7 +58,9 @@ class Actuator:
         turn = self.sign * np.eye(n_axes)
         if self.rotation_rad:
             c, s = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
-            turn[1:, 1:] = self.sign * np.array([[c, -s], [s, c]])
+            turn[1:3, 1:3] = self.sign * np.array([[c, -s], [s, c]])
+        if n_axes == N_AXES["extensible"]:
+            turn[-1, -1] = 1.0
         return turn
 
 

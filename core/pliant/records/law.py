@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,7 +13,17 @@ from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 
-JointKind = Literal["revolute", "spherical", "prismatic"]
+JointKind = Literal["revolute", "spherical", "prismatic", "extensible"]
+# How many coordinates a joint of each kind has.
+N_AXES: Mapping[str, int] = {"revolute": 1, "spherical": 3, "prismatic": 1, "extensible": 4}
+# The coordinate of an extensible joint that is no turn; it comes last.
+EXTENSION = "e"
+EXTENSIBLE_AXES = ("x", "y", "z", EXTENSION)
+
+
+def travels(joint: str, axes: Sequence[str]) -> tuple[bool, ...]:
+    """Which of a joint's coordinates are travels (m, with a force in N) and not turns (rad, with an effort in N·m)."""
+    return tuple(joint == "prismatic" or axis == EXTENSION for axis in axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +100,9 @@ class JointLaw(ABC):
     """τ(p, u) of one module's joint with u in the joint's own coordinates (docs/conventions.md).
 
     A revolute joint has one axis, a spherical one three (u is the rotation vector of the child in its parent's
-    rest frame), a prismatic one an extension in metres and a force in newtons. τ = −∂Π/∂u, and a stable law
+    rest frame), a prismatic one an extension in metres and a force in newtons. An extensible one has the four axes
+    x, y, z, e: it turns as a spherical one, then moves the child by e along the child's own x; its last effort is
+    that force. τ = −∂Π/∂u, and a stable law
     has ∂τ/∂u < 0. Implementations are frozen; behaviour is added by wrapping, as effects do.
 
     A law of m > 1 actuations, τ(a, u), has all their names in `actuation_name` (`pressure_1_pa, pressure_2_pa`) and one

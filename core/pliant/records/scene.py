@@ -46,7 +46,8 @@ class Scene:
     """Arms, objects and floor, at rest at time 0.
 
     The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
-    object of coefficient 1 takes the arms' own. Arms collide with objects and floor, not with each other or themselves.
+    object of coefficient 1 takes the arms' own. Arms collide with objects and floor; with each other and themselves too
+    where `arms_touch` says so, and then by the product of their coefficients.
 
     Attributes:
         arms: chains with their base poses in the world at the start; the carriage moves all of them together.
@@ -54,6 +55,7 @@ class Scene:
         floor_m: height of a horizontal floor, or None.
         floor_friction: its coefficient.
         gravity_m_s2: (3,), for arms and objects alike; the chains' own is not used.
+        arms_touch: whether arms collide with each other, and parts of one arm that are far apart along it.
     """
 
     arms: tuple[Arm, ...]
@@ -61,6 +63,7 @@ class Scene:
     floor_m: float | None = None
     floor_friction: float = 1.0
     gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
+    arms_touch: bool = False
 
 
 class Part(NamedTuple):

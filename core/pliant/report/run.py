@@ -223,7 +223,7 @@ def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, value in metrics.items():
         items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
-        if not any(isinstance(item, list) for item in items):
+        if not any(isinstance(item, list | Mapping) for item in items):
             lines.append(f"  {stem_and_unit(name)[0]:<24} {_metric_text(name, value)}")
     return lines
 

@@ -106,7 +106,8 @@ def _poses(run: FinishedRun) -> Section | None:
             for n, engine in enumerate(engines)
         ]
         notes = dict.fromkeys(str(e.result.metrics["note"]) for e in engines if "note" in e.result.metrics)
-        return section("The scene in the engines", *pictures, metrics_table(run), note=" ".join(notes))
+        tables = [metrics_table(run), *row_tables(run)]
+        return section("The scene in the engines", *pictures, *tables, note=" ".join(notes))
     caption = "Markers are base, joints and tip, at equal scales; faint lines are levels of the actuation."
     first = engines[0].result
     return section(
@@ -115,6 +116,7 @@ def _poses(run: FinishedRun) -> Section | None:
         picture("backbones", backbone_caption(first), backbone_picture(first)),
         engine_table(run),
         metrics_table(run),
+        *row_tables(run),
     )
 
 
@@ -201,6 +203,20 @@ def metrics_table(run: FinishedRun) -> Table | None:
     return Table("What the task measures", ["metric", *(e.kind for e in engines)], rows)
 
 
+def row_tables(run: FinishedRun) -> list[Table]:
+    """Metrics that are lists of records, such as the forces at contacts: a table each, engine by engine."""
+    tables = []
+    for engine in run.engines:
+        for name, records in engine.result.metrics.items():
+            if not (isinstance(records, list) and records and isinstance(records[0], Mapping)):
+                continue
+            units = {key: unit_of(key) for key in records[0]}
+            rows: list[Cells] = [[_metric(one[key], unit) for key, unit in units.items()] for one in records]
+            title = f"{capital(name)} at the end, {engine.kind}"
+            tables.append(Table(title, [unit.axis for unit in units.values()], rows))
+    return tables
+
+
 def law_table(run: FinishedRun) -> Table | None:
     """Errors of each law on states left out, with the study's form beside it."""
     rows: list[Cells] = []
@@ -253,7 +269,7 @@ def coefficients(design: DesignResult) -> str:
 def _metric(value: Any, unit: Unit) -> str:
     """A metric in a cell; points and tables stand in pictures and in run.json."""
     items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
-    if any(isinstance(item, list | tuple) for item in items):
+    if any(isinstance(item, list | tuple | Mapping) for item in items):
         return "in run.json" if isinstance(value, Mapping) else f"{len(value)} entries, in run.json"
 
     def cell(one: Any) -> str:

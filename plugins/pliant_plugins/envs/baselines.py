@@ -159,8 +159,8 @@ class Predictive:
 BASELINES = {"open loop": OpenLoop, "PI": ProportionalIntegral, "MPC": Predictive}
 
 
-def score(env: Any, controller: Controller, seeds: range, **options: Any) -> Array:
-    """(len(seeds),) root mean square error of each episode, m: true tip against the target, over all its steps."""
+def score(env: Any, controller: Controller, seeds: range, *, skip: int = 0, **options: Any) -> Array:
+    """(len(seeds),) root mean square error of each episode, m: true tip against the target, after `skip` steps."""
     errors = []
     for seed in seeds:
         _, info = env.reset(seed=seed, options=options)
@@ -170,5 +170,5 @@ def score(env: Any, controller: Controller, seeds: range, **options: Any) -> Arr
             _, _, ended, truncated, info = env.step(controller.act(info).astype(np.float32))
             over = ended or truncated
             squares.append(info["error_m"] ** 2 if "error_m" in info else np.inf)
-        errors.append(float(np.sqrt(np.mean(squares))))
+        errors.append(float(np.sqrt(np.mean(squares[skip:] or squares))))
     return np.array(errors)

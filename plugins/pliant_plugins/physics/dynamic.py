@@ -54,12 +54,9 @@ class DynamicSimulation(Steppable):
     def settle(self) -> Equilibrium:
         start = time.perf_counter()
         loads, efforts = self.now(), self.statics.efforts
-        reach = (
-            self.chain.length_m / self.chain.n_joints if self.statics.geometry.kind == "prismatic" else 1.0
-        )
         self.begin_relaxing()
         try:
-            relaxed = relax(self, self.statics, loads, self._tolerance, self._max_settle_steps, reach)
+            relaxed = relax(self, self.statics, loads, self._tolerance, self._max_settle_steps)
         finally:
             self.end_relaxing()
         if self.chain.terms:

@@ -39,14 +39,14 @@ RELAX_SHARE = 0.1
 
 
 @njit(cache=True, nogil=True)
-def factorise(matrix, shift, factor):  # type: ignore[no-untyped-def]
-    """Fills the lower triangle of `factor` with L, L Lᵀ = matrix + shift · 1; False where that is not positive.
+def factorise(matrix, shift, weights, factor):  # type: ignore[no-untyped-def]
+    """Fills the lower triangle of `factor` with L, L Lᵀ = matrix + shift · weights; False where that is not positive.
 
     Of the matrix only the lower triangle is read.
     """
     for i in range(len(matrix)):
         for j in range(i + 1):
-            rest = matrix[i, j] + (shift if i == j else 0.0)
+            rest = matrix[i, j] + (shift * weights[i] if i == j else 0.0)
             for k in range(j):
                 rest -= factor[i, k] * factor[j, k]
             if i > j:
@@ -60,7 +60,10 @@ def factorise(matrix, shift, factor):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def new_factor(n, a, rank):  # type: ignore[no-untyped-def]
-    """Generators U, Y and W (n, a, rank), diagonal blocks of K and of L (n, a, a), P (rank, rank), a row (rank,)."""
+    """Generators U, Y and W (n, a, rank), diagonal blocks of K and of L (n, a, a), P (rank, rank), a row (rank,).
+
+    The last, (a,), are weights of shifts: 1 / reach² (`weigh`), so that all coordinates are shifted in one unit.
+    """
     return (
         np.zeros((n, a, rank)),
         np.zeros((n, a, rank)),
@@ -69,13 +72,22 @@ def new_factor(n, a, rank):  # type: ignore[no-untyped-def]
         np.zeros((n, a, a)),
         np.zeros((rank, rank)),
         np.zeros(rank),
+        np.ones(a),
     )
 
 
 @njit(cache=True, nogil=True)
+def weigh(body, parts):  # type: ignore[no-untyped-def]
+    """Fills the weights of shifts."""
+    reach, weights = body[9], parts[7]
+    for b in range(len(reach)):
+        weights[b] = 1.0 / (reach[b] * reach[b])
+
+
+@njit(cache=True, nogil=True)
 def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
-    """Fills W and L from U, Y and the diagonal blocks; False where K + shift · 1 is not positive."""
-    before, beyond, through, own, lower, total, _ = parts
+    """Fills W and L from U, Y and the diagonal blocks; False where K + shift · weights is not positive."""
+    before, beyond, through, own, lower, total, _, weights = parts
     n, a, rank = before.shape
     block = np.empty((a, a))
     total[:] = 0.0
@@ -91,7 +103,7 @@ def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
                 for r in range(rank):
                     value -= beyond[i, e, r] * through[i, b, r]
                 block[b, e] = value
-        if not factorise(block, shift, lower[i]):
+        if not factorise(block, shift, weights, lower[i]):
             return False
         for b in range(a):
             for r in range(rank):
@@ -109,7 +121,7 @@ def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def solve_chain(parts, right):  # type: ignore[no-untyped-def]
     """Overwrites right (n·a,) with the solution of L Lᵀ x = right."""
-    _, beyond, through, _, lower, _, carried = parts
+    _, beyond, through, _, lower, _, carried, _ = parts
     n, a, rank = beyond.shape
     carried[:] = 0.0
     for i in range(n):
@@ -140,7 +152,7 @@ def solve_chain(parts, right):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def fill_dense(parts, stiffness):  # type: ignore[no-untyped-def]
     """Fills the whole stiffness (n·a, n·a)."""
-    before, beyond, _, own, _, _, _ = parts
+    before, beyond, own = parts[0], parts[1], parts[3]
     n, a, rank = before.shape
     for j in range(n):
         for e in range(a):
@@ -159,6 +171,26 @@ def _largest(values):  # type: ignore[no-untyped-def]
     largest = 0.0
     for value in values.flat:
         largest = max(largest, abs(value))
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def _longest(moves, reach):  # type: ignore[no-untyped-def]
+    """The longest of moves (n·a,) as a share of the reach (a,) of its coordinate."""
+    longest, a = 0.0, len(reach)
+    for i in range(len(moves)):
+        longest = max(longest, abs(moves[i]) / reach[i % a])
+    return longest
+
+
+@njit(cache=True, nogil=True)
+def _stiffest(blocks, reach):  # type: ignore[no-untyped-def]
+    """The largest entry of blocks (n, a, a), travels beside turns counted in reaches."""
+    largest, a = 0.0, len(reach)
+    for i in range(len(blocks)):
+        for b in range(a):
+            for e in range(a):
+                largest = max(largest, abs(blocks[i, b, e]) * reach[b] * reach[e])
     return largest
 
 
@@ -215,7 +247,7 @@ def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def
     """Moves q along the mode, in the direction that goes lower."""
     body, laws, loads = chain
     start, push, energies = q.copy(), np.empty(q.shape), np.empty(2)
-    _fold(mode, length / _largest(mode), push)
+    _fold(mode, length / _longest(mode, body[9]), push)
     for way in range(2):
         _go(start, push, 2.0 * way - 1.0, q)
         place(body, q, frame)
@@ -302,7 +334,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             continue
         if iteration == max_iterations:
             return False, positive, size, iteration
-        step, scale = _unfold(frame[9]), _largest(parts[3])
+        step, scale = _unfold(frame[9]), _stiffest(parts[3], body[9])
         if positive and skewness > ROUNDING * scale:  # a law without an energy
             copy(np.linalg.solve(_dense(parts), step), step)
         elif positive or np.isfinite(scale):
@@ -313,7 +345,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             solve_chain(parts, step)
         else:
             return False, False, size, iteration
-        share = min(1.0, max_step / _largest(step))
+        share = min(1.0, max_step / _longest(step, body[9]))
         _fold(step, share, moved)
         size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)
         if not helped:
@@ -345,7 +377,7 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             shift = 2.0 * shift + 1e-12
         step = _unfold(frame[9])
         solve_chain(parts, step)
-        _fold(step, min(1.0, max_step / _largest(step)), moved)
+        _fold(step, min(1.0, max_step / _longest(step, body[9])), moved)
         _go(q, moved, 1.0, q)
         reached, _ = balance(body, laws, loads, q, frame)
         damping *= min(max(reached / size, 0.1), 2.0)
@@ -357,7 +389,7 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
 def _leaves_domain(boxes, signs, drives, p, q, by_q):  # type: ignore[no-untyped-def]
     """Whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
     n, a = q.shape
-    block, factor = np.empty((a, a)), np.empty((a, a))
+    block, factor, even = np.empty((a, a)), np.empty((a, a)), np.ones(a)
     rows = boxes.shape[1] - a
     for i in range(n):
         first, last, m = drives[i, 0], drives[i, 1], drives[i, 2]
@@ -376,7 +408,7 @@ def _leaves_domain(boxes, signs, drives, p, q, by_q):  # type: ignore[no-untyped
         for b in range(a):
             for e in range(a):
                 block[b, e] = -0.5 * (by_q[i, b, e] + by_q[i, e, b])
-        if not factorise(block, 0.0, factor):
+        if not factorise(block, 0.0, even, factor):
             return True
     return False
 
@@ -396,6 +428,7 @@ def settle(body, laws, boxes, loads, q, markers, options):  # type: ignore[no-un
     n, a = q.shape
     frame = new_frame(n, a, len(laws[3]))
     parts = new_factor(n, a, 3 + 3 * len(loads[8]))
+    weigh(body, parts)
     chain = (body, laws, loads)
     start, iterations = q.copy(), 0
     converged, stable, size = False, False, np.inf

@@ -13,7 +13,7 @@ from pliant_plugins.physics.compiled.equilibrium import (
     settle,
     solve_chain,
 )
-from pliant_plugins.physics.compiled.statics import PRISMATIC, balance, new_frame, stiffen
+from pliant_plugins.physics.compiled.statics import PRISMATIC, balance, n_turns, new_frame, stiffen
 
 
 @njit(cache=True, nogil=True)
@@ -41,7 +41,7 @@ def respond(body, laws, boxes, loads, q, markers, by_p, turn, spin, options):  #
     plain = positive and skewness <= ROUNDING * scale
     if not plain:
         fill_dense(parts, dense)
-    origins, directions = frame[0], frame[3]
+    pivots, directions, turns = frame[12], frame[3], n_turns(body[0], a)
     turn[:, :] = frame[1][n]
     by_p[:], spin[:] = 0.0, 0.0
     for m in range(k):
@@ -55,7 +55,7 @@ def respond(body, laws, boxes, loads, q, markers, by_p, turn, spin, options):  #
             moved = np.linalg.solve(dense, moved)
         for i in range(n):
             w0, w1, w2 = 0.0, 0.0, 0.0
-            for b in range(a):
+            for b in range(turns):
                 d = i * a + b
                 w0 += directions[0, d] * moved[d]
                 w1 += directions[1, d] * moved[d]
@@ -70,10 +70,14 @@ def respond(body, laws, boxes, loads, q, markers, by_p, turn, spin, options):  #
             spin[m, 1] += w1
             spin[m, 2] += w2
             for j in range(i + 1, n + 2):
-                x = markers[j, 0] - origins[i + 1, 0]
-                y = markers[j, 1] - origins[i + 1, 1]
-                z = markers[j, 2] - origins[i + 1, 2]
+                x = markers[j, 0] - pivots[i, 0]
+                y = markers[j, 1] - pivots[i, 1]
+                z = markers[j, 2] - pivots[i, 2]
                 by_p[m, j, 0] += w1 * z - w2 * y
                 by_p[m, j, 1] += w2 * x - w0 * z
                 by_p[m, j, 2] += w0 * y - w1 * x
+                if turns < a:
+                    d = i * a + turns
+                    for c in range(3):
+                        by_p[m, j, c] += directions[c, d] * moved[d]
     return converged, stable, size, iterations, outside, positive

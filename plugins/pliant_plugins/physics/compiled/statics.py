@@ -13,7 +13,7 @@ from pliant.mechanics.statics import SHORTEST_CORD_M
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import efforts, law_potential
 
-SPHERICAL, PRISMATIC = 1, 2
+SPHERICAL, PRISMATIC, EXTENSIBLE = 1, 2, 3
 # Below this angle the closed forms of rotations cancel; slopes of b and c cancel three times earlier.
 SMALL_ANGLE = 0.1
 
@@ -77,7 +77,7 @@ def new_frame(n, a, k):  # type: ignore[no-untyped-def]
     """Arrays of a chain of n joints with a axes under k actuators.
 
     Origins and rotations of bodies, rest frames, directions, points, τ, ∂τ/∂p, ∂τ/∂u, Σ r Fᵀ about the joints,
-    residual (n, a), moments about the joints, and six small matrices.
+    residual (n, a), moments about the joints, six small matrices, pivots of the joints, forces beyond them.
     """
     return (
         np.empty((n + 1, 3)),
@@ -92,7 +92,15 @@ def new_frame(n, a, k):  # type: ignore[no-untyped-def]
         np.empty((n, a)),
         np.empty((n, 3)),
         np.empty((6, 3, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
     )
+
+
+@njit(cache=True, nogil=True)
+def n_turns(kind, a):  # type: ignore[no-untyped-def]
+    """How many of a joint's a coordinates, the first ones, are alike: all but the travel beside turns."""
+    return a - 1 if kind == EXTENSIBLE else a
 
 
 @njit(cache=True, nogil=True)
@@ -109,24 +117,27 @@ def _row(matrix, i, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def place(body, q, frame):  # type: ignore[no-untyped-def]
-    """Fills origins, rotations, rest frames, directions and points of the frame at q (n, a)."""
-    kind, axes, _, position, rotation, offsets, rests, arms, _ = body
+    """Fills origins, rotations, rest frames, directions, points and pivots of the frame at q (n, a)."""
+    kind, axes, _, position, rotation, offsets, rests, arms, _, _ = body
     origins, rotations, rest_frames, directions, points = frame[:5]
+    pivots = frame[12]
     turn, jacobian, seen = frame[11][0], frame[11][1], frame[11][2]
     phi = frame[11][3, 0]
     n, a = q.shape
+    turns = n_turns(kind, a)
     copy(position, origins[0])
     copy_rows(rotation, rotations[0])
     for i in range(n):
         rest = rest_frames[i]
         _times(rotations[i], rests[i], rest)
         phi[:] = 0.0
-        for b in range(a):
+        for b in range(turns):
             phi[axes[b]] = q[i, b]
         for c in range(3):
             origins[i + 1, c] = origins[i, c] + _row(rotations[i], c, offsets[i])
             if kind == PRISMATIC:
                 origins[i + 1, c] += _row(rest, c, phi)
+            pivots[i, c] = origins[i + 1, c]
         if kind == PRISMATIC:
             copy_rows(rest, rotations[i + 1])
         else:
@@ -134,13 +145,17 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
             first, second, third = _coefficients(x)
             _polynomial_of_skew(phi, x, first, second, turn)
             _times(rest, turn, rotations[i + 1])
-            if kind == SPHERICAL:
+            if kind in (SPHERICAL, EXTENSIBLE):
                 _polynomial_of_skew(phi, x, second, third, jacobian)
                 _times(rest, jacobian, seen)
                 rest = seen
-        for b in range(a):
+        for b in range(turns):
             for c in range(3):
                 directions[c, i * a + b] = rest[c, axes[b]]
+        if kind == EXTENSIBLE:
+            for c in range(3):
+                directions[c, i * a + turns] = rotations[i + 1, c, 0]
+                origins[i + 1, c] += q[i, turns] * rotations[i + 1, c, 0]
         for c in range(3):
             points[i, c] = origins[i + 1, c] + _row(rotations[i + 1], c, arms[i])
     for c in range(3):
@@ -178,10 +193,10 @@ def _add(total, torsor, point, force):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
-    """Fills Σ r Fᵀ (n, 3, 3) about the joints, and moments (forces on prismatic chains) (n, 3), of what lies beyond."""
+    """Fills Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces if prismatic) and forces (n, 3), of what is beyond."""
     kind, masses = body[0], body[8]
     gravity, tip_force, payload = loads[1], loads[2], loads[4]
-    origins, points, torsors, moments = frame[0], frame[4], frame[8], frame[10]
+    pivots, points, torsors, moments, forces = frame[12], frame[4], frame[8], frame[10], frame[13]
     sums = frame[11][2]
     total, force, point = frame[11][3, 0], frame[11][3, 1], frame[11][3, 2]
     n = len(torsors)
@@ -204,7 +219,8 @@ def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
         own = torsors[i]
         for c in range(3):
             for d in range(3):
-                own[c, d] = sums[c, d] - origins[i + 1, c] * total[d]
+                own[c, d] = sums[c, d] - pivots[i, c] * total[d]
+        copy(total, forces[i])
         if kind == PRISMATIC:
             copy(total, moments[i])
         else:
@@ -218,16 +234,17 @@ def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
     """Fills the frame and its residual at q (n, a); returns its largest entry and its norm, infinite if no number."""
     place(body, q, frame)
     _sum_beyond(body, loads, frame)
-    directions, tau, residual, moments = frame[3], frame[5], frame[9], frame[10]
+    directions, tau, residual, moments, forces = frame[3], frame[5], frame[9], frame[10], frame[13]
     efforts(laws, q, loads[0], tau, frame[6], frame[7])
     n, a = q.shape
+    turns = n_turns(body[0], a)
     largest, square = 0.0, 0.0
     for i in range(n):
         for b in range(a):
             d = i * a + b
             value = tau[i, b]
             for c in range(3):
-                value += directions[c, d] * moments[i, c]
+                value += directions[c, d] * (moments[i, c] if b < turns else forces[i, c])
             if b == body[2]:
                 value -= loads[3]
             residual[i, b] = value
@@ -246,10 +263,11 @@ def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
     """
     kind, axes = body[0], body[1]
     rest_frames, directions, by_q = frame[2], frame[3], frame[7]
-    torsors, moments = frame[8], frame[10]
+    torsors, moments, forces = frame[8], frame[10], frame[13]
     slope, phi, seen = frame[11][0], frame[11][3, 0], frame[11][3, 1]
     before, beyond, own_blocks = parts[0], parts[1], parts[3]
     n, a = q.shape
+    turns = n_turns(kind, a)
     skewness = 0.0
     for i in range(n):
         own, block = torsors[i], own_blocks[i]
@@ -260,20 +278,29 @@ def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
             for c in range(3):
                 turned = _row(own, c, before[i, b]) - trace * before[i, b, c]
                 beyond[i, b, c] = 0.0 if kind == PRISMATIC else -turned
+        if turns < a:  # a travel t: before is 0, beyond is −t × F
+            for c in range(3):
+                d, e = (c + 1) % 3, (c + 2) % 3
+                along = directions[d, i * a + turns], directions[e, i * a + turns]
+                before[i, turns, c] = 0.0
+                beyond[i, turns, c] = along[1] * forces[i, d] - along[0] * forces[i, e]
         for b in range(a):
             for e in range(a):
                 block[b, e] = _dot(before[i, b], beyond[i, e])
-        if kind == SPHERICAL:
+        if kind in (SPHERICAL, EXTENSIBLE):
             phi[:] = 0.0
-            for b in range(a):
+            for b in range(turns):
                 phi[axes[b]] = q[i, b]
             for c in range(3):
                 rest = rest_frames[i]
                 seen[c] = rest[0, c] * moments[i, 0] + rest[1, c] * moments[i, 1] + rest[2, c] * moments[i, 2]
             left_jacobian_transpose_slope(phi, seen, slope)
-            for b in range(a):
-                for e in range(a):
+            for b in range(turns):
+                for e in range(turns):
                     block[b, e] -= slope[axes[b], axes[e]]
+            if turns < a:  # the mean of both halves below is then the whole
+                for e in range(turns):
+                    block[turns, e] = block[e, turns]
         for b in range(a):
             for e in range(b):
                 block[b, e] = block[e, b] = 0.5 * (block[b, e] + block[e, b])
@@ -294,12 +321,13 @@ def _dot(first, second):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _stiffen_by_cord(kind, loads, cord, frame, parts):  # type: ignore[no-untyped-def]
     """Adds T/L Jᵀ (1 − d dᵀ) J of a cord's point, d its direction, L its length, as three rows of U and Y."""
-    origins = frame[0]
+    directions, pivots = frame[3], frame[12]
     before, beyond, own_blocks = parts[0], parts[1], parts[3]
     point, away = frame[11][4, 0], frame[11][4, 1]
     length = _pull(frame, loads, cord, point, away)
     tension, first = loads[11][cord], 3 + 3 * cord
     a = before.shape[1]
+    turns = n_turns(kind, a)
     before[:, :, first : first + 3], beyond[:, :, first : first + 3] = 0.0, 0.0
     if tension == 0.0:
         return
@@ -312,9 +340,11 @@ def _stiffen_by_cord(kind, loads, cord, frame, parts):  # type: ignore[no-untype
                 d, e = (c + 1) % 3, (c + 2) % 3
                 if kind == PRISMATIC:
                     moved[c] = direction[c]
+                elif b == turns:
+                    moved[c] = directions[c, i * a + b]
                 else:
-                    moved[c] = direction[d] * (point[e] - origins[i + 1, e])
-                    moved[c] -= direction[e] * (point[d] - origins[i + 1, d])
+                    moved[c] = direction[d] * (point[e] - pivots[i, e])
+                    moved[c] -= direction[e] * (point[d] - pivots[i, d])
             along = _dot(away, moved)
             for c in range(3):
                 beyond[i, b, first + c] = tension / length * (moved[c] - along * away[c])

@@ -7,6 +7,7 @@ prescribed: unlike a mocap body's it is seen by the contact solver, so what is h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,13 +18,20 @@ import numpy as np
 from pliant.mechanics.inertia import regular
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import quaternion_of_matrix
+from pliant.meshing.surfaces import support
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
 from pliant.records.scene import Part, Scene
 from pliant.records.shape import Shape
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 
-JOINT_TYPES = {"revolute": "hinge", "spherical": "ball", "prismatic": "slide"}
+# Joints of one body act in their order: an extensible one turns, then slides along its own x.
+JOINT_TYPES = {
+    "revolute": ("hinge",),
+    "spherical": ("ball",),
+    "prismatic": ("slide",),
+    "extensible": ("ball", "slide"),
+}
 # A moving body must have inertia: these floors keep the mass matrix regular. A body without mass is also
 # freed from gravity, so that its floor weighs nothing.
 MASS_FLOOR_KG = 1e-9
@@ -56,9 +64,10 @@ def add_chain(parent: Element, chain: ChainModel, prefix: str = "") -> tuple[Ele
     for i in range(chain.n_joints):
         body = add_body(bodies[-1], f"{prefix}body_{i + 1}", geometry.offsets[i], geometry.rest_rotations[i])
         add_inertia(body, chain.bodies[i + 1])
-        joint = SubElement(body, "joint", type=JOINT_TYPES[geometry.kind])
-        if geometry.kind != "spherical":
-            joint.set("axis", text(geometry.basis[:, 0]))
+        for kind in JOINT_TYPES[geometry.kind]:
+            joint = SubElement(body, "joint", type=kind)
+            if kind != "ball":
+                joint.set("axis", text(geometry.basis[:, 0]))
         bodies.append(body)
     tip = SubElement(bodies[-1], "body", name=f"{prefix}tip", pos=text(chain.tip_offset_m))
     SubElement(tip, "inertial", pos="0 0 0", mass=repr(float(chain.payload_kg)), diaginertia="0 0 0")
@@ -167,16 +176,36 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
         "solreffriction": text((-config.contact_stiffness, -config.slip_damping)),
         "solimp": text((config.contact_impedance, config.contact_impedance, 1e-3, 0.5, 2.0)),
     }
+    apart = [parts_apart(arm.chain) for arm in scene.arms] if scene.arms_touch else []
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
-        # Objects touch arms, floor and other objects; arms touch the floor.
-        if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
+        # Objects touch arms, floor and other objects; arms touch the floor, and each other where the scene says so.
+        usual = ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}
+        if usual or (scene.arms_touch and kinds == {"arm"} and _meet(one.part, other.part, apart)):
             coefficient = one.friction * other.friction
             pair = SubElement(contact, "pair", stiffness, geom1=one.name, geom2=other.name)
             pair.set("condim", str(POINT_FRICTION if coefficient > 0.0 else 1))
             pair.set("friction", text([coefficient, coefficient, 0.0, 0.0, 0.0]))
             pair.set("gap", repr(config.near_m) if "arm" in kinds else "0")
     return tostring(root, encoding="unicode"), tuple(geoms)
+
+
+def parts_apart(chain: ChainModel) -> int:
+    """How many bodies apart two bodies of a chain must be to count as touching when their shapes meet.
+
+    The piece of chain between them is then longer than half a turn about half the chain's thickness in a plane of
+    bending: nearer bodies meet on the inner side of any bend, where a soft module gives way and its law has the cost.
+    """
+    across = {"y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}  # where a bend about an axis moves the next body
+    ways = [np.array(across[axis]) for axis in chain.axes if axis in across] or list(np.eye(3)[1:])
+    each = [(support(s, way) + support(s, -way)) for way in ways for on in chain.shapes for s in on]
+    links = [float(np.linalg.norm(joint.offset_m)) for joint in chain.joints[1:]]
+    return 1 + math.ceil(math.pi * max(each, default=0.0) / 2 / max(min(links, default=0.0), 1e-6))
+
+
+def _meet(one: Part, other: Part, apart: Sequence[int]) -> bool:
+    """Whether these bodies of arms can touch."""
+    return one.number != other.number or abs(one.body - other.body) >= apart[one.number]
 
 
 def placed(shape: Shape) -> dict[str, str]:

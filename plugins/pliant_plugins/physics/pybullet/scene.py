@@ -60,6 +60,10 @@ class BulletScene(ArmsScene):
     """One client in DIRECT mode, explicit torques of the laws at every step."""
 
     def __init__(self, scene: Scene, config: PybulletConfig) -> None:
+        if scene.arms_touch:
+            raise UserError(
+                "fingers that touch each other need physics 'mujoco'; take it, or leave 'finger_contact' out."
+            )
         for arm in scene.arms:
             check_size(ChainGeometry.of(arm.chain))
         super().__init__(

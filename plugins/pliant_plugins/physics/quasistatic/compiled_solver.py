@@ -24,7 +24,7 @@ from pliant_plugins.physics.quasistatic.newton import (
     Solver,
 )
 
-KINDS = ("revolute", "spherical", "prismatic")
+KINDS = ("revolute", "spherical", "prismatic", "extensible")
 MOST_PACKS = 256
 NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
 
@@ -32,7 +32,8 @@ NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
 class Body(NamedTuple):
     """What of a chain does not move: kind of joint, its axes (a,), position, base rotation, offsets, rest rotations.
 
-    `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass.
+    `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass. `reach` is
+    `ChainGeometry.relative_reach`. A travel beside turns comes last and goes along the child's x.
     """
 
     kind: int
@@ -44,6 +45,7 @@ class Body(NamedTuple):
     rests: Array
     arms: Array
     masses: Array
+    reach: Array
 
     @staticmethod
     def of(chain: ChainModel) -> Body:
@@ -59,6 +61,7 @@ class Body(NamedTuple):
             _plain(geometry.rest_rotations),
             np.array([*(b.com_m for b in moving), chain.tip_offset_m], float),
             np.array([*(b.mass_kg for b in moving), 0.0], float),
+            _plain(geometry.relative_reach),
         )
 
 
@@ -98,11 +101,16 @@ class Packs:
         """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
         base = (chain.base_position_m, chain.base_rotation)
         parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
-        laws = tuple(map(id, chain.laws))
         body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
-        packed = self._keep(("laws", laws), chain, lambda c: PackedLaws.of(c.laws))
-        placed = ("joints", laws, id(chain.joints), chain.actuators)
-        return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, packed))
+        placed = ("joints", *map(id, chain.laws), id(chain.joints), chain.actuators)
+        return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, self.laws(c)))
+
+    def laws(self, chain: ChainModel) -> PackedLaws | None:
+        """Of a chain, wherever its joints are; None where a law has no scalar form."""
+        found: PackedLaws | None = self._keep(
+            ("laws", *map(id, chain.laws)), chain, lambda c: PackedLaws.of(c.laws)
+        )
+        return found
 
     def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Any]) -> Any:
         known = self._kept.get(key)

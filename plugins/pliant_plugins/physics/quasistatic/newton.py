@@ -36,7 +36,10 @@ STEP = 1e-5
 
 
 class NewtonOptions(NamedTuple):
-    """tolerance on the largest residual, iterations allowed, longest move of a coordinate in one step."""
+    """tolerance on the largest residual, iterations allowed, longest move of a coordinate in one step.
+
+    Travels beside turns are counted in shares of a module's length (`ChainGeometry.relative_reach`).
+    """
 
     tolerance: float
     max_iterations: int
@@ -67,7 +70,7 @@ Responder = Callable[[Inputs, Array], Response]
 
 def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> ChainSolution:
     """Descend from q (n, a) to a stable equilibrium; `converged` is False if none is reached."""
-    balance = statics.balance(q, loads)
+    balance, reach = statics.balance(q, loads), statics.geometry.relative_reach
     for iteration in range(options.max_iterations):
         size = _size(balance)
         if not np.isfinite(size):
@@ -81,7 +84,7 @@ def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptio
             balance = statics.balance(q, loads)
             continue
         step = _step(balance, positive).reshape(q.shape)
-        longest = float(np.abs(step).max())
+        longest = float(np.abs(step / reach).max())
         if longest > options.max_step:
             step *= options.max_step / longest
         moved = _search(statics, loads, q, balance, step, positive)
@@ -139,7 +142,7 @@ def _search(
 
 def _leave_saddle(statics: ChainStatics, loads: Loads, q: Array, mode: Array, length: float) -> Array:
     """q moved along an unstable mode by `length`, to the side on which the potential is lower."""
-    push = mode * (length / np.abs(mode).max())
+    push = mode * (length / np.abs(mode / statics.geometry.relative_reach).max())
     up, down = q + push, q - push
     return up if statics.potential(up, loads) <= statics.potential(down, loads) else down
 

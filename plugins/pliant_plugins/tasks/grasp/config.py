@@ -37,6 +37,12 @@ class ObjectConfig(FrozenModel):
     foot_radius_m: Length | None = Field(
         default=None, ge=0, description="of the disc on which an egg stands; 8 mm by default, 0 for none"
     )
+    convex_parts: Count = Field(
+        default=1,
+        ge=1,
+        le=64,
+        description="of a mesh: most convex parts that collide in its place, for hollow ones; 1: its convex hull",
+    )
     mass_kg: Mass | None = Field(default=None, gt=0, description="without the extra weights")
     density_kg_m3: Density | None = Field(default=None, gt=0, description="of a part; this or its mass")
 
@@ -48,6 +54,8 @@ class ObjectConfig(FrozenModel):
             raise ValueError(
                 "'density' and 'scale' are for a part from a 'mesh'; give egg and cylinder a 'mass'"
             )
+        if self.mesh is None and self.convex_parts != 1:
+            raise ValueError("'convex_parts' are of a part from a 'mesh'; egg and cylinder are convex")
         if self.mesh is not None and (self.radius_m is not None or self.height_m is not None):
             raise ValueError("'radius' and 'height' are for egg and cylinder; a 'mesh' has a 'scale'")
         if self.foot_radius_m is not None and self.shape != "egg":
@@ -112,6 +120,10 @@ class GraspConfig(ActuatedConfig):
     friction: Ratio = Field(default=0.8, ge=0, description="coefficient of the fingers")
     object_friction: Ratio = Field(
         default=1.0, ge=0, description="coefficient of the object; a pair takes the product of both"
+    )
+    finger_contact: bool = Field(
+        default=False,
+        description="whether fingers touch each other, and themselves where they curl up; engine mujoco",
     )
     noise: NoiseConfig = Field(
         default=NoiseConfig(), description="what varies between trials; or the study's"

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pliant.records.design import Array
-from pliant.records.scene import Contact, Scene
+from pliant.records.scene import Contact, Part, Scene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode
 
@@ -42,6 +42,35 @@ class Grip:
         )
 
 
+def pressing_between_fingers_n(contacts: Sequence[Contact]) -> float:
+    """Σ of the normal forces (N) of fingers on each other, and on themselves."""
+    return sum(c.normal_n for c in contacts if c.first.kind == c.second.kind == "arm")
+
+
+def contact_rows(contacts: Sequence[Contact]) -> list[dict[str, Any]]:
+    """Each touching point that carries a force, SI: what touches what, where, the normal and the friction force.
+
+    Fingers and their bodies are numbered from 1, the base piece is body 0. `force_n` (3,) is the whole force on the
+    second body in the world, `normal_n` and `friction_n` are the sizes of its parts across and along the surface.
+    """
+
+    def name(part: Part) -> str:
+        return f"finger {part.number + 1}, body {part.body}" if part.kind == "arm" else part.kind
+
+    return [
+        {
+            "first": name(c.first),
+            "second": name(c.second),
+            "position_m": c.position_m.tolist(),
+            "force_n": (c.normal_n * c.normal + c.friction_n).tolist(),
+            "normal_n": c.normal_n,
+            "friction_n": float(np.linalg.norm(c.friction_n)),
+        }
+        for c in contacts
+        if c.normal_n > 0.0
+    ]
+
+
 @dataclass(frozen=True)
 class TrialMetrics:
     """One trial, SI. Heights are rises of the object's centre of mass over its place at the start.
@@ -53,6 +82,7 @@ class TrialMetrics:
         slip: share of the lift that the object did not follow, 0 to 1.
         creep_m_s: speed at which the object sinks in the final hold.
         mode: see `mode_of`.
+        between_n: normal forces of fingers on fingers, mean over the final hold.
     """
 
     z_max_m: float
@@ -63,6 +93,7 @@ class TrialMetrics:
     slip: float
     creep_m_s: float
     mode: Mode
+    between_n: float = 0.0
 
     @property
     def friction_to_normal(self) -> float:
@@ -89,6 +120,7 @@ def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialM
         z_end_m=z_end,
         normal_n=float(np.mean([grip.normal_n for grip in grips])),
         friction_n=float(np.mean([grip.friction_n for grip in grips])),
+        between_n=float(np.mean([pressing_between_fingers_n(episode.contacts[k]) for k in final])),
         efficiency=float(np.mean([grip.touching_share for grip in grips])),
         slip=float(np.clip(1.0 - z_end / config.lift_height_m, 0.0, 1.0)),
         creep_m_s=creep,
@@ -135,6 +167,7 @@ def trial_lists(trials: Sequence[TrialMetrics]) -> dict[str, list[float]]:
         "slip_ratio": [trial.slip for trial in trials],
         "creep_m_s": [trial.creep_m_s for trial in trials],
         "mode_score": [trial.mode_score for trial in trials],
+        "finger_on_finger_force_n": [trial.between_n for trial in trials],
     }
 
 

@@ -14,7 +14,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
 from pliant.records.scene import Arm, FreeBody, Scene
 from pliant.records.shape import Shape
-from pliant_plugins.solids import read_solid
+from pliant_plugins.solids import convex_parts, read_solid
 from pliant_plugins.tasks.grasp.config import GraspConfig, ObjectConfig
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -48,10 +48,12 @@ def grasp_object(config: GraspConfig) -> GraspObject:
     Raises:
         UserError: a mesh that cannot be used, or an object that no gripper of this kind is meant for.
     """
-    shape, mass, note = _part(config.object) if config.object.mesh else _simple(config.object)
-    foot = _foot(shape, config.object)
-    bottom = -support(shape, DOWN)
-    high, low = ([support(shape, sign * axis) for axis in np.eye(3)[:2]] for sign in (1.0, -1.0))
+    shapes, mass, note = _part(config.object) if config.object.mesh else _simple(config.object)
+    bottom = -max(support(shape, DOWN) for shape in shapes)
+    high, low = (
+        [max(support(shape, sign * axis) for shape in shapes) for axis in np.eye(3)[:2]]
+        for sign in (1.0, -1.0)
+    )
     across = [0.5 * (a - b) for a, b in zip(high, low, strict=True)]
     if config.extra_weights:
         place = mass.com_m.copy()
@@ -66,7 +68,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
     body = FreeBody(
         name=config.object.mesh.stem if config.object.mesh else str(config.object.shape),
         mass=mass,
-        shapes=(shape, *foot),
+        shapes=(*shapes, *_foot(shapes[0], config.object)),
         friction=config.object_friction,
         position_m=np.array([-across[0], -across[1], -bottom]),
         rotation=np.eye(3),
@@ -74,7 +76,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
     return GraspObject(body, max(0.5 * (a + b) for a, b in zip(high, low, strict=True)), note)
 
 
-def _simple(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
+def _simple(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, str]:
     """Egg or cylinder, homogeneous, about its centre."""
     assert config.shape is not None
     radius, height, mass = (
@@ -90,7 +92,7 @@ def _simple(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
     else:
         across, upright = mass * (radius**2 / 4 + height**2 / 12), mass * radius**2 / 2
         shape = Shape("cylinder", (radius, half), np.zeros(3), np.eye(3))
-    return shape, MassProperties(mass, np.zeros(3), np.diag([across, across, upright])), ""
+    return (shape,), MassProperties(mass, np.zeros(3), np.diag([across, across, upright])), ""
 
 
 def _foot(shape: Shape, config: ObjectConfig) -> tuple[Shape, ...]:
@@ -109,19 +111,25 @@ def _foot(shape: Shape, config: ObjectConfig) -> tuple[Shape, ...]:
     return (Shape("cylinder", (radius, height / 2), np.array([0.0, 0.0, height / 2 - half]), np.eye(3)),)
 
 
-def _part(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
-    """A part from a file; its convex hull collides."""
+def _part(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, str]:
+    """A part from a file; its convex hull collides, or the convex parts that it is cut into."""
     assert config.mesh is not None
     solid = read_solid(config.mesh, config.scale)
     density = config.density_kg_m3 or (config.mass_kg or 0.0) / solid.volume_m3
-    excess = solid.hull_volume_m3 / solid.volume_m3 - 1.0
+    hulls = convex_parts(solid, config.convex_parts)
+    excess = sum(hull.volume_m3 for hull in hulls) / solid.volume_m3 - 1.0
     note = ""
     if excess > HULL_EXCESS:
+        many = len(hulls) > 1
+        what = f"its {len(hulls)} convex parts, which are what the fingers touch, enclose"
         note = (
-            f"'{config.mesh.name}' is not convex: its hull, which is what the fingers touch, encloses "
-            f"{100 * excess:.0f} % more than the part."
+            f"'{config.mesh.name}' is not convex: "
+            + (what if many else "its hull, which is what the fingers touch, encloses")
+            + f" {100 * excess:.0f} % more than the part"
+            + (", overlaps counted twice." if many else "; 'convex_parts: 16' cuts it into convex parts.")
         )
-    return Shape("mesh", (), np.zeros(3), np.eye(3), solid.hull), solid.mass(density), note
+    shapes = tuple(Shape("mesh", (), np.zeros(3), np.eye(3), hull.surface) for hull in hulls)
+    return shapes, solid.mass(density), note
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +198,7 @@ def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, dra
         objects=(replace(target.body, position_m=target.body.position_m + draw.offset_m),),
         floor_m=0.0,
         gravity_m_s2=np.asarray(chain.gravity_m_s2, float),
+        arms_touch=config.finger_contact,
     )
 
 

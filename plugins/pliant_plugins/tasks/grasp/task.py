@@ -18,7 +18,14 @@ from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene, SceneFrames, SceneStill
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode, play
-from pliant_plugins.tasks.grasp.metrics import TrialMetrics, reward, summary, trial_lists, trial_metrics
+from pliant_plugins.tasks.grasp.metrics import (
+    TrialMetrics,
+    contact_rows,
+    reward,
+    summary,
+    trial_lists,
+    trial_metrics,
+)
 from pliant_plugins.tasks.grasp.scene import Draw, GraspObject, grasp_object, grasp_scene
 
 STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
@@ -55,10 +62,12 @@ class Grasp(SceneTask):
                     final = _final(simulation, episode)
                     frames = SceneFrames.of(episode.states)
                     stills = _stills(scene, episode)
+                    touching = contact_rows(episode.contacts[-1])
         metrics: dict[str, Any] = {
             **summary(trials),
             "reward": float(np.mean(rewards)),
             "object_mass_kg": self.target.body.mass.mass_kg,
+            "contacts": touching,
         }
         if self.target.note:
             metrics["note"] = self.target.note
