@@ -13,6 +13,7 @@ import statistics
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ def designs() -> list[dict[str, Any]]:
     cases = random_cases(max(BATCHES), seed=1, modules=(18, 26))
     backend.settle_batch(cases[:2])
     print("designs of 18 to 26 modules, settled, per second")
-    return [_on_cores("designs", n, lambda n=n: backend.settle_batch(cases[:n])) for n in BATCHES]
+    return [_on_cores("designs", n, partial(backend.settle_batch, cases[:n])) for n in BATCHES]
 
 
 def rollouts() -> list[dict[str, Any]]:
@@ -84,7 +85,7 @@ def rollouts() -> list[dict[str, Any]]:
     runs = [Run(chain, History.of({"pressure_pa": top * time_s}, time_s)) for top in tops]
     backend.rollout_batch(runs[:2])
     print("histories of 1 s of a helix of 8 modules, rolled out, per second")
-    return [_on_cores("rollouts", n, lambda n=n: backend.rollout_batch(runs[:n])) for n in HISTORIES]
+    return [_on_cores("rollouts", n, partial(backend.rollout_batch, runs[:n])) for n in HISTORIES]
 
 
 def laws() -> list[dict[str, Any]]:
@@ -99,7 +100,7 @@ def laws() -> list[dict[str, Any]]:
             list(pool.map(lambda law: law.evaluate(actuation, turns), each[:count]))
 
     print(f"laws of three axes, evaluated at {STATES} states, per second")
-    return [_on_cores("laws", n, lambda n=n: work(n)) for n in LAWS]
+    return [_on_cores("laws", n, partial(work, n)) for n in LAWS]
 
 
 def _on_cores(what: str, count: int, work: Callable[[], Any]) -> dict[str, Any]:

@@ -79,7 +79,7 @@ class ChainGeometry:
             tip_offset=np.asarray(chain.tip_offset_m, float),
             base_position=np.asarray(chain.base_position_m, float),
             base_rotation=np.asarray(chain.base_rotation, float),
-            reach=np.where(travels(law.joint, law.axes), chain.length_m / chain.n_joints, 1.0),
+            reach=_reach(chain),
         )
 
     @property
@@ -89,7 +89,7 @@ class ChainGeometry:
     @property
     def main(self) -> int:
         """Column of the main bending axis, or of the only axis."""
-        return self.axes.index(MAIN_AXIS) if MAIN_AXIS in self.axes else 0
+        return main_axis(self.axes)
 
     @property
     def slide(self) -> int | None:
@@ -149,6 +149,16 @@ class ChainGeometry:
         pose = self.forward(q)
         tip = pose.origins[-1] + pose.rotations[-1] @ self.tip_offset
         return np.concatenate([pose.origins, tip[None]])
+
+
+def _reach(chain: ChainModel) -> Array:
+    slides = travels(chain.laws[0].joint, chain.axes)
+    return np.where(slides, chain.length_m / chain.n_joints, 1.0) if any(slides) else np.ones(len(slides))
+
+
+def main_axis(axes: Sequence[str]) -> int:
+    """Column of the main bending axis among a joint's axes, or of the only one."""
+    return axes.index(MAIN_AXIS) if MAIN_AXIS in axes else 0
 
 
 def _check(chain: ChainModel) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -53,19 +53,20 @@ class Contribution:
     rest: Array
 
 
+def _spans(counts: Iterable[int]) -> list[slice]:
+    """Places of so many numbers each, one after another."""
+    return [slice(*span) for span in pairwise(accumulate(counts, initial=0))]
+
+
 class LawTerms:
     """The terms of one chain with n joints of a axes."""
 
     def __init__(self, terms: Sequence[LawTerm], shape: tuple[int, int]) -> None:
         self.terms = tuple(terms)
         self.shape = shape
-        ends_of_numbers = np.cumsum([0, *(term.n_parameters for term in self.terms)])
-        self._spans = [slice(*span) for span in pairwise(ends_of_numbers.tolist())]
+        self._spans = _spans(term.n_parameters for term in self.terms)
         self._numbers = numbers_of(self.terms, shape[0])
-        ends = np.cumsum([term.n_states for term in self.terms], dtype=int)
-        self._states = [
-            slice(end - t.n_states, end) for end, t in zip(ends.tolist(), self.terms, strict=True)
-        ]
+        self._states = _spans(term.n_states for term in self.terms)
 
     def rested(self) -> TermMemory:
         """The memory of a virgin chain at rest."""

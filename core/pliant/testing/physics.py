@@ -15,7 +15,7 @@ from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator, ChainModel
-from pliant.records.law import Domain
+from pliant.records.law import N_AXES, Domain
 from pliant.records.rollout import Cord, Equilibrium, Inputs, PointForce
 from pliant.testing import CheckSkipped, Subject, agree, declared, once, require, require_refused
 from pliant.testing.samples import (
@@ -30,7 +30,7 @@ from pliant.testing.samples import (
     softening_law,
 )
 
-KINDS = ("revolute", "spherical", "prismatic")
+KINDS = tuple(N_AXES)
 # The bar of every engine: engines agree within 0.01 mm.
 POSITION_M = 1e-5
 ANGLE_RAD = 3e-4

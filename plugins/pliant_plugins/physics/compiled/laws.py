@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate, pairwise
 from types import FunctionType
 from typing import Any
 
@@ -156,16 +157,18 @@ class PackedLaws:
         known = [scalar for scalar in scalars if scalar is not None]
         if len(known) < len(scalars):
             return None
-        ends = np.cumsum([0, *(len(scalar.parameters) for scalar in known)])
+        ends = accumulate((len(scalar.parameters) for scalar in known), initial=0)
         counts = tuple(len(law.actuations) for law in laws)
         addresses = [law_address(s.function, count) for s, count in zip(known, counts, strict=True)]
-        boxes = [
-            np.vstack([np.tile(law.domain.box[:1], (max(counts) - count, 1)), law.domain.box])
-            for law, count in zip(laws, counts, strict=True)
-        ]
+        boxes = [law.domain.box for law in laws]
+        if len(set(counts)) > 1:
+            boxes = [
+                box[[0] * (max(counts) - n) + [*range(len(box))]]
+                for box, n in zip(boxes, counts, strict=True)
+            ]
         return PackedLaws(
             np.array(addresses, np.int64),
-            np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64),
+            np.array(list(pairwise(ends)), np.int64),
             np.concatenate([np.asarray(scalar.parameters, float) for scalar in known]),
             np.array([scalar.less_rest for scalar in known]),
             np.array(boxes, float),
@@ -230,6 +233,7 @@ class CompiledLaws:
         return self.addresses, self.spans, self.parameters, self.signs, self.drives, self.less
 
 
+@cache
 def law_address(function: Any, actuations: int = 1) -> int:
     """Address of the compiled form of a law's scalar function, compiled once in a process and kept on disk.
 

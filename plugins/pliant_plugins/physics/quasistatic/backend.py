@@ -17,7 +17,6 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.physics import Capabilities, Case, PhysicsBackend, SimulationState, Variation
 from pliant.mechanics.efforts import actuation_values
-from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
     from pliant_plugins.physics.quasistatic.histories import HingeFollower
 
 # Cases that a thread takes at a time.
-CASES_AT_ONCE = 16
+CASES_AT_ONCE = 32
 
 
 class QuasistaticSimulation(Steppable):
@@ -178,7 +177,9 @@ class QuasistaticSimulation(Steppable):
 
 def newton_options(chain: ChainModel, config: QuasistaticConfig) -> NewtonOptions:
     """Tolerance, iterations and the longest move of a coordinate, in rad or m."""
-    reach = config.max_turn * float(ChainGeometry.of(chain).reach[0])
+    reach = config.max_turn
+    if chain.laws[0].joint == "prismatic":
+        reach *= chain.length_m / chain.n_joints
     return NewtonOptions(config.tolerance, config.max_iterations, reach)
 
 
@@ -216,12 +217,21 @@ class Quasistatic(PhysicsBackend):
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Each chain from its straight state, on all cores: compiled loops run beside each other."""
-        first = [self._settle(case) for case in cases[:1]]  # alone, because it may compile
-        rest = cases[1:]
-        parts = [rest[k : k + CASES_AT_ONCE] for k in range(0, len(rest), CASES_AT_ONCE)]
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            solved = pool.map(lambda part: [self._settle(case) for case in part], parts)
-            return tuple(itertools.chain(first, *solved))
+        cores = os.cpu_count() or 1
+        size = min(CASES_AT_ONCE, -(-len(cases) // cores)) or 1
+        parts = [cases[k : k + size] for k in range(0, len(cases), size)]
+        with ThreadPoolExecutor(cores) as pool:
+            return tuple(itertools.chain(*pool.map(self._settle_part, parts)))
+
+    def _settle_part(self, cases: Sequence[Case]) -> list[Equilibrium]:
+        """Together where chains can be packed and the direct way finds the equilibrium, else one after another."""
+        from pliant_plugins.physics.quasistatic import batch, compiled_solver  # numba takes a second
+
+        config = self.config
+        packs = self._packs = self._packs or compiled_solver.Packs()
+        options = NewtonOptions(config.tolerance, config.max_iterations, config.max_turn)
+        together = batch.settle_together(cases, packs.laws, options)
+        return [together.get(k) or self._settle(case) for k, case in enumerate(cases)]
 
     def _settle(self, case: Case) -> Equilibrium:
         with self.build(case.chain) as simulation:

@@ -101,11 +101,16 @@ class Packs:
         """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
         base = (chain.base_position_m, chain.base_rotation)
         parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
-        laws = tuple(map(id, chain.laws))
         body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
-        packed = self._keep(("laws", laws), chain, lambda c: PackedLaws.of(c.laws))
-        placed = ("joints", laws, id(chain.joints), chain.actuators)
-        return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, packed))
+        placed = ("joints", *map(id, chain.laws), id(chain.joints), chain.actuators)
+        return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, self.laws(c)))
+
+    def laws(self, chain: ChainModel) -> PackedLaws | None:
+        """Of a chain, wherever its joints are; None where a law has no scalar form."""
+        found: PackedLaws | None = self._keep(
+            ("laws", *map(id, chain.laws)), chain, lambda c: PackedLaws.of(c.laws)
+        )
+        return found
 
     def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Any]) -> Any:
         known = self._kept.get(key)
