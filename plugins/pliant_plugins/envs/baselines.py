@@ -81,7 +81,7 @@ class Nominal:
             shares = self.shares(np.asarray(tip_m, float))
             slopes = self.tip_slopes(shares)
             square = slopes.T @ slopes + self._damping * np.eye(len(shares))
-            self._aims[key] = Aim(shares, np.linalg.solve(square, slopes.T))
+            self._aims[key] = Aim(shares, np.asarray(np.linalg.solve(square, slopes.T), float))
         return self._aims[key]
 
     def tip_m(self, shares: Array) -> Array:

@@ -44,7 +44,8 @@ class LinearResidual:
         self.gains = np.asarray(gains, float).reshape(len(FEATURES))
         self._model, self._late, self._none = Nominal(env), env.late, np.zeros(len(env.inputs))
         self._targets = deque[Array](maxlen=self._late + 1)
-        self._rest()
+        self._sum: Array = self._none
+        self._change, self._error, self._last = self._sum, self._sum, self._sum
 
     def begin(self, info: Mapping[str, Any]) -> None:
         self._rest()
@@ -54,7 +55,7 @@ class LinearResidual:
         ahead = info["ahead_m"] if "ahead_m" in info else np.tile(info["target_m"], (3, 1))
         now, first, second, third = (self._model.aim(place) for place in (info["target_m"], *ahead))
         error = now.per_m @ (self._targets[0] - info["measured_tip_m"])
-        self._change += SMOOTHED * (error - self._error - self._change)
+        self._change = self._change + SMOOTHED * (error - self._error - self._change)
         self._error = error
         features = (
             third.shares - first.shares,
@@ -66,13 +67,12 @@ class LinearResidual:
         )
         wanted = first.shares + self.gains @ np.stack(features)
         shares = np.clip(wanted, 0.0, 1.0)
-        self._sum = np.where(wanted == shares, self._sum + error, self._sum)  # no integral at a limit
+        self._sum = self._sum + np.where(wanted == shares, error, 0.0)  # no integral at a limit
         self._last = shares
         return np.asarray(2.0 * shares - 1.0)
 
     def _rest(self) -> None:
-        self._sum, self._change = self._none.copy(), self._none.copy()
-        self._error, self._last = self._none.copy(), self._none.copy()
+        self._sum, self._change, self._error, self._last = (self._none,) * 4
         self._targets.clear()
 
 
