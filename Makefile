@@ -78,6 +78,7 @@ bench-families: $(VENV)/.run  ## FEM of the families against published curves, a
 	$(BIN)/python -m benchmarks.families.several_chambers
 	$(BIN)/python -m benchmarks.families.fibre_reinforced
 	$(BIN)/python -m benchmarks.families.sampling --helical
+	$(BIN)/python -m benchmarks.families.fem_speed --pairs 1
 	$(BIN)/python -m benchmarks.families.gripper_designs
 	$(BIN)/python -m benchmarks.families.chain_hypothesis
 	$(BIN)/python -m benchmarks.families.kill

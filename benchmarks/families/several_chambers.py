@@ -5,6 +5,7 @@ laws of one chamber, with the elasticity in each of them and with it once.
 (b) Three chambers: the law of three pressures and three angles on states that no fit has seen, by the number of states.
 (c) Three segments of three chambers, eight modules each, nine pressures, gravity and a force at the tip: engines, and
 the time of a cold quasi-static solve.
+(d) and (e) The same two where the extension is a coordinate of the joint: three pressures, two bends, twist, extension.
 
     python -m benchmarks.families.several_chambers [--quick]
 """
@@ -141,10 +142,10 @@ def one_chamber(solver: ModuleSolver, reach: float) -> JointLaw:
     return POLYNOMIAL.fit(FemDataset(design, "y", "pressure_pa", **arrays, **words, role=roles)).law
 
 
-def three_chambers(quick: bool) -> tuple[dict[str, Any], JointLaw, list[Bar]]:
-    """(b)."""
-    fem = {**OF_THREE, "max_states": 48, "check_states": 12} if quick else OF_THREE
-    data, _, spent = solved(family("three_chamber", THREE_CHAMBER), fem)
+def three_chambers(design: dict[str, Any], fem: dict[str, Any]) -> tuple[dict[str, Any], JointLaw, list[Bar]]:
+    """(b), (d)."""
+    data, _, spent = solved(family("three_chamber", design), fem)
+    what = "with extension" if design.get("extends") else "three chambers"
     fitted = np.flatnonzero(data.role == "fit")
     # Free states and corners come first, and span the box.
     rows = []
@@ -171,33 +172,31 @@ def three_chambers(quick: bool) -> tuple[dict[str, Any], JointLaw, list[Bar]]:
                 **cost,
             }
         )
-    print(
-        f"(b) three chambers: {len(data)} states in {spent['wall_s']:.0f} s ({spent['cpu_s']:.0f} s of processor)"
-    )
+    print(f"{what}: {len(data)} states in {spent['wall_s']:.0f} s ({spent['cpu_s']:.0f} s of processor)")
     for row in rows:
         print(
             "    " + ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items())
         )
     worst, cpu = 100 * rows[-1]["worst_of_range"], spent["cpu_s"] + rows[-1]["fit_cpu_s"]
     bars = [
-        Bar("three chambers, worst at states left out / range of its axis", worst, 1.0, "%"),
-        Bar("three chambers, processor time of a design, states and fit", cpu, 300.0, "s"),
+        Bar(f"{what}, worst at states left out / range of its axis", worst, 1.0, "%"),
+        Bar(f"{what}, processor time of a design, states and fit", cpu, 300.0, "s"),
     ]
     return {"rows": rows, **spent}, found.law, bars
 
 
-def arm(law: JointLaw) -> ChainModel:
+def arm(law: JointLaw, design: dict[str, Any]) -> ChainModel:
     """Three segments of eight modules, each with three inputs of its own, hanging."""
-    built, segments = family("three_chamber", THREE_CHAMBER), []
+    built, segments = family("three_chamber", design), []
     for number in range(SEGMENTS):
         own = tuple(Actuator(f"pressure_{3 * number + k}_pa") for k in (1, 2, 3))
         segments.append(Segment(family_module(law, built, 1150.0), MODULES, actuators=own))
     return build_chain(ChainConfig(modules=MODULES), segments)
 
 
-def engines(law: JointLaw) -> tuple[dict[str, Any], list[Bar]]:
-    """(c)."""
-    chain = arm(law)
+def engines(law: JointLaw, design: dict[str, Any]) -> tuple[dict[str, Any], list[Bar]]:
+    """(c), (e)."""
+    chain, what = arm(law, design), ", with extension" if design.get("extends") else ""
     shares = np.array([0.7, 0.1, 0.0, 0.0, 0.8, 0.3, 0.2, 0.0, 0.6])
     levels = {a.input: float(s) * TOP_PA for a, s in zip(chain.actuators, shares, strict=True)}
     case, registry, found = Case(chain, Inputs(levels, TIP_N)), discover(), {}
@@ -207,6 +206,9 @@ def engines(law: JointLaw) -> tuple[dict[str, Any], list[Bar]]:
             backend = component.build(component.config_model()(kind=kind))
         except PliantError as error:
             print(f"    {kind}: {error}")
+            continue
+        if law.joint not in backend.capabilities.joints:
+            print(f"    {kind}: has no {law.joint} joints")
             continue
         (one,) = backend.settle_batch([case])
         found[kind] = one
@@ -226,15 +228,16 @@ def engines(law: JointLaw) -> tuple[dict[str, Any], list[Bar]]:
     }
     milliseconds = 1e3 * float(np.median(times)), 1e3 * min(times)
     print(
-        f"(c) {chain.n_joints} joints, nine pressures: tip {np.round(1e3 * first.tip_m, 2)} mm, apart {apart} mm"
+        f"engines{what}: {chain.n_joints} joints, nine pressures: tip {np.round(1e3 * first.tip_m, 2)} mm, "
+        f"apart {apart} mm"
     )
     print(
         f"    cold solve {milliseconds[0]:.3g} ms (median), {milliseconds[1]:.3g} ms (least) of {REPEATS}, "
         f"{settled.iterations} iterations, {len(first.outside_domain)} places outside the law's box"
     )
     bars = [
-        Bar("engines, farthest marker apart", max(apart.values(), default=0.0), 0.01, "mm"),
-        Bar("cold quasi-static solve, least of many", milliseconds[1], 1.0, "ms"),
+        Bar(f"engines{what}, farthest marker apart", max(apart.values(), default=0.0), 0.01, "mm"),
+        Bar(f"cold quasi-static solve{what}, least of many", milliseconds[1], 1.0, "ms"),
     ]
     return {
         "apart_mm": apart,
@@ -247,16 +250,19 @@ def engines(law: JointLaw) -> tuple[dict[str, Any], list[Bar]]:
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "half the states of (b)").parse_args().quick
+    quick = parser_of(__doc__, "half the states of (b) and (d)").parse_args().quick
     begun = time.perf_counter()
     two, bars = two_chambers()
-    three, law, more = three_chambers(quick)
-    together, last = engines(law)
-    results = {"two_chambers": two, "three_chambers": three, "engines": together}
+    fem = {**OF_THREE, "max_states": 48, "check_states": 12} if quick else OF_THREE
+    results: dict[str, Any] = {"two_chambers": two}
+    for name, design in (("", THREE_CHAMBER), ("_extending", {**THREE_CHAMBER, "extends": True})):
+        results[f"three_chambers{name}"], law, more = three_chambers(design, fem)
+        results[f"engines{name}"], last = engines(law, design)
+        bars += [*more, *last]
     write(
         "family_several_chambers",
         {**results, "wall_s": time.perf_counter() - begun},
-        [*bars, *more, *last],
+        bars,
     )
 
 

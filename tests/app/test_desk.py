@@ -19,6 +19,7 @@ from pliant.app.curves import predicted_points
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
 from pliant.app.open_model import AnswerCache
+from pliant.app.work import forms_of
 from pliant.diagnosis.extension import Ground, extend
 from pliant.diagnosis.test_split import lock
 from pliant.errors import UserError
@@ -276,3 +277,16 @@ def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> 
     assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
     saved = api.open_study(desk.save()["path"], store=bench / "store")
     assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]
+
+
+def test_forms_that_a_diagnosis_on_the_way_lets_vary_are_fitted_as_improve_fits_them() -> None:
+    first = {
+        "forms": {"viscoelastic": ["viscoelastic"], "backlash": [], "backlash+viscoelastic": ["backlash"]}
+    }
+    later = {"forms": {"backlash": ["backlash"]}}
+    effects = ({"kind": "viscoelastic", "share": 0.5},)
+    assert forms_of(["viscoelastic"], [((), first)]) == ["viscoelastic"]
+    assert forms_of(["backlash", "viscoelastic"], [((), first)]) == ["backlash"]  # the pair's own fit
+    assert forms_of(["dead_zone", "viscoelastic"], [((), first)]) == ["viscoelastic"]
+    assert forms_of(["backlash", "viscoelastic"], [(effects, later)]) == ["backlash"]
+    assert forms_of(["backlash"], [((), {})]) == []

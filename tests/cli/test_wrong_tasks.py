@@ -67,7 +67,8 @@ def test_a_grasp_says_where_it_left_the_law_s_data(pliant, write, stated):
     small = [
         "chain.modules=2",
         "chain.module_radius=5 mm",
-        "task={kind: grasp, object: egg, pressure: 15 kPa, lower_time: 0.2 s, lift_time: 0.2 s, hold_time: 0 s}",
+        "task={kind: grasp, object: egg, pressure: 15 kPa, hold_time: 0 s}",
+        *(f"task.{name}_time=0.2 s" for name in ("lower", "ramp", "lift", "final")),
     ]
     domain = "surrogate.domain={actuation: [0 kPa, 10 kPa], deformation: [-1, 1]}"
     call = pliant("simulate", study, "physics=mujoco", domain, *small).done()

@@ -20,11 +20,11 @@ HELD = {"x": 0.1, "y": 0.06, "z": -0.04}
 BACKEND = Skfem(SkfemConfig.model_validate({"kind": "skfem", "pressure_max": "20 kPa"}))
 
 
-def solver_of(kind: str):
+def solver_of(kind: str, **keys: object):
     component = discover().get("family", kind)
-    family = component.build(component.config_model().model_validate({"kind": kind, **KINDS[kind]}))
+    family = component.build(component.config_model().model_validate({"kind": kind, **KINDS[kind], **keys}))
     problem = family.problem()
-    held = {axis: HELD[axis] for axis in problem.axes}
+    held = {axis: HELD.get(axis, 1e-4) for axis in problem.axes}
     return BACKEND.checked_solver(problem, MATERIAL), problem, held, PRESSURES[: len(problem.actuations)]
 
 
@@ -95,3 +95,24 @@ def test_limits_are_those_of_each_input() -> None:
     with pytest.raises(UserError, match="is for modules of one actuation"):
         grid = SkfemConfig.model_validate({"pressure_max": "20 kPa", "sampling": "grid"})
         SeveralPlan(grid, np.ones(2)).carry_out(None)  # type: ignore[arg-type]
+
+
+def test_three_equal_pressures_make_an_extending_module_longer_and_nothing_else() -> None:
+    """By the threefold symmetry; a force along it, −∂F/∂e times the extension to first order, holds it as it is."""
+    solver, problem, _, _ = solver_of("three_chamber", extends=True)
+    assert (problem.joint, problem.axes) == ("extensible", ("x", "y", "z", "e"))
+    rest = solver.rest()
+    free = solver.free([9e3, 9e3, 9e3], rest)
+    np.testing.assert_allclose(free.deformation[:3], 0.0, atol=1e-8)
+    assert free.deformation[3] > 1e-5
+    held = solver.constrained([9e3, 9e3, 9e3], dict.fromkeys("xyze", 0.0), rest)
+    np.testing.assert_allclose(held.tau[:3], 0.0, atol=1e-9)
+    assert held.tau[3] == pytest.approx(-rest.dtau_du[3, 3] * free.deformation[3], rel=0.05)
+
+
+def test_an_extending_module_without_a_force_along_it_is_the_one_that_does_not() -> None:
+    ball, _, held, p = solver_of("three_chamber")
+    long = solver_of("three_chamber", extends=True)[0]
+    one, other = (solver.constrained(p, held, solver.rest()) for solver in (ball, long))
+    np.testing.assert_allclose(other.tau[:3], one.tau, rtol=1e-6, atol=1e-9)
+    assert other.tau[3] == pytest.approx(0.0, abs=1e-6)

@@ -12,7 +12,7 @@ def _at(room: str, file: str, before: str, after: str) -> Mutant:
 EVIDENCE, NOISE = "core/pliant/diagnosis/evidence_table.py", "core/pliant/diagnosis/noise.py"
 STORE, DATASET = "core/pliant/store/store.py", "core/pliant/pipeline/dataset.py"
 ROTATIONS, STATICS = "core/pliant/mechanics/rotations.py", "core/pliant/mechanics/statics.py"
-DILATATION, JOBS = "plugins/pliant_plugins/fem/skfem/dilatation.py", "core/pliant/execution/jobs.py"
+KERNEL, JOBS = "plugins/pliant_plugins/fem/skfem/kernel.py", "core/pliant/execution/jobs.py"
 EFFECTS = "plugins/pliant_plugins/effects"
 
 CHOSEN: tuple[Mutant, ...] = (
@@ -21,7 +21,7 @@ CHOSEN: tuple[Mutant, ...] = (
     _at("diagnosis", EVIDENCE, "UNSEEN_RISE = 1.03", "UNSEEN_RISE = 1.3"),
     _at("diagnosis", NOISE, "floor.between * max(1.0 - standard_error, 0.0) /", "floor.between /"),
     _at("diagnosis", NOISE, " * np.sqrt(len(rows) / (len(rows) - 1))", ""),
-    _at("fem", DILATATION, "(twice / 9 - 2 / 3 * m)", "(twice / 9 - m)"),
+    _at("fem", KERNEL, "(twice / 9 - 2 / 3 * m)", "(twice / 9 - m)"),
     # Thresholds and prices of the diagnosis.
     _at("diagnosis", EVIDENCE, "effect: float = 2.1", "effect: float = 0.0"),
     _at("diagnosis", EVIDENCE, "believed: float = 0.9", "believed: float = 0.5"),
@@ -41,7 +41,7 @@ CHOSEN: tuple[Mutant, ...] = (
         "self._mass[:, None] * loads.gravity_m_s2",
         "-self._mass[:, None] * loads.gravity_m_s2",
     ),
-    _at("fem", DILATATION, "P * f, axis=-1) / 3,", "P * f, axis=-1) / 2,"),
+    _at("fem", KERNEL, "m += P[i] * f[i] / 3", "m += P[i] * f[i] / 2"),
     # Effects.
     _at(
         "effects",

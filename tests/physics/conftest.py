@@ -251,7 +251,12 @@ def study_law() -> type[StudyLaw]:
 @pytest.fixture
 def finger_of() -> Callable[..., ChainModel]:
     """A finger by kind of joint and number of modules."""
-    laws = {"revolute": StudyLaw, "spherical": SpatialLaw, "prismatic": StretchLaw}
+    laws = {
+        "revolute": StudyLaw,
+        "spherical": SpatialLaw,
+        "prismatic": StretchLaw,
+        "extensible": GrowingLaw,
+    }
     return lambda kind, n: finger(laws[kind](), n, module_kg=0.0016, com_offset_m=0.01)
 
 

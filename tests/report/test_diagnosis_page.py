@@ -27,6 +27,7 @@ from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
+from pliant.report.charts.explained import explained_chart, hypotheses_chart
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (
     detectable_table,
@@ -132,6 +133,20 @@ def test_the_model_as_it_is_and_an_unknown_effect_are_always_among_the_bars(miss
         assert NOTHING in shown and UNKNOWN in shown
         probability = diagnosed.found.judgement.probability
         assert [probability[k] for k in shown] == sorted((probability[k] for k in shown), reverse=True)
+
+
+def test_moving_bars_end_at_probabilities_and_loops_stand_over_the_input(ambiguous):
+    shown, probability = ambiguous.hypotheses(), ambiguous.found.judgement.probability
+    bars = hypotheses_chart(ambiguous).panels[0]
+    assert [100 * probability.get(kinds, 0.0) for kinds in shown] == [line.x[-1] for line in bars.lines]
+    assert [line.name for line in bars.lines] == [bars.y.names[int(-line.y[0])] for line in bars.lines]
+    chart = explained_chart(ambiguous, "angle_rad")
+    assert chart.column == 3
+    top, loop = chart.panels[0], chart.panels[2]
+    for line, over in zip(top.lines, loop.lines, strict=True):
+        np.testing.assert_array_equal(line.y, over.y)
+    run = next(one for one in ambiguous.measurement.runs if one.name == top.title)
+    assert loop.lines[0].x.max() == pytest.approx(1e-3 * run.input("pressure_pa").max())
 
 
 def test_predictions_and_residuals_of_the_page_add_up_to_the_readings(missing):

@@ -279,13 +279,15 @@ class Desk:
         with self._lock:
             model, now = self._now(), self.state.now
             own = {effect.kind for effect in model.study.effects}
+            forms = work.forms_of(kinds, self._diagnoses(model)) if what == "fit" else []
             ways: dict[str, tuple[Any, Callable[[work.ModelWork, str], dict[str, Any]]]] = {
                 "fit": (
                     [
                         sorted(kinds),
                         [one for one in now.effects if one["kind"] not in set(kinds) and one["kind"] in own],
+                        *([forms] if forms else []),
                     ],
-                    lambda task, key: work.fit(task, self.folder, key, sorted(kinds)),
+                    lambda task, key: work.fit(task, self.folder, key, sorted(kinds), forms),
                 ),
                 "diagnose": (now.effects, lambda task, key: work.diagnose(task, self.folder, key)),
                 "improve": (
@@ -399,6 +401,12 @@ class Desk:
     def _target(self, name: str) -> Path:
         stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
         return self.folder.saved / f"{stem or 'study'}.yaml"
+
+    def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
+        """Those of the models on the way to the present one, with the effects that each looked at."""
+        way = [step.effects for step in self.state.steps[: self.state.cursor + 1]]
+        found = [(one, self.folder.result(key_of("diagnose", model.key, one))) for one in way]
+        return [(effects, result) for effects, result in found if result is not None]
 
     def _way(self, saved: Path) -> leaving.Way:
         """How the present model came to be."""

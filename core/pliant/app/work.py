@@ -18,6 +18,7 @@ from pliant.config.writing import StudyDraft, name_of_file
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.diagnosis import Diagnosis, next_words
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
+from pliant.diagnosis.evidence_table import sorted_kinds
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
@@ -63,19 +64,30 @@ class ModelWork:
         return Ground(watched, ground.measurement, ground.groups)
 
 
-def fit(task: ModelWork, folder: SessionFolder, key: str, kinds: Sequence[str]) -> dict[str, Any]:
-    """Fit effects of these kinds by `pliant extend`, on the training runs; a study with them is written."""
+def fit(
+    task: ModelWork, folder: SessionFolder, key: str, kinds: Sequence[str], forms: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Fit effects of these kinds by `pliant extend`, on the training runs; a study with them is written.
+
+    `forms`: those whose forms vary too, as `pliant improve` lets them after a diagnosis that asks for it.
+    """
     model, ground = task.model, task.ground
     kinds = candidate_kinds(model.bench.registry, kinds)
     begun = model.effects(tuple(one for one in task.effects if one["kind"] in _own(model)))
-    found = extend(ground, begun, kinds)
+    found = extend(ground, begun, kinds, forms=forms)
     file = _study_name(model, kinds, key)
     study = model.study.model_copy(update={"effects": begun})
     note = f"{origin(found, model.measurement)}; {len(model.split.runs)} runs put aside"
     _write(folder.results / file, model, study.effects, found, note)
     effects = tuple(effect.canonical() for effect in found.effects)
     without = {
-        kind: extend(ground, begun, [one for one in kinds if one != kind], profiles=False)
+        kind: extend(
+            ground,
+            begun,
+            [one for one in kinds if one != kind],
+            forms=[one for one in forms if one != kind],
+            profiles=False,
+        )
         for kind in kinds
         if len(kinds) > 1
     }
@@ -121,6 +133,7 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
             if len(kinds) == 1
         },
         "by_kind": _by_kind(found),
+        "forms": {"+".join(kinds): list(one.candidate.forms) for kinds, one in found.fits.items()},
         "nothing": found.left_out_ratio(()),
         "hypotheses": [
             {"kinds": list(kinds), "probability": p, "left_out": found.left_out_ratio(kinds)}
@@ -215,6 +228,20 @@ def doubts_of(kinds: Sequence[str], diagnosis: Mapping[str, Any]) -> list[str]:
             told = f" '{best[0]}' has {whole_percent(best[1])}." if best[1] > 0.5 and best[0] != kind else ""
             said.append(f"The diagnosis gives '{kind}' a probability of {_small(p)}.{told}")
     return said
+
+
+def forms_of(kinds: Sequence[str], known: Sequence[tuple[Effects, Mapping[str, Any]]]) -> list[str]:
+    """Those of the kinds whose forms vary in diagnoses on the way, by the rule of `pliant improve`.
+
+    `known`: each diagnosis with the effects of the model that it looked at.
+    """
+    found: set[str] = set()
+    for effects, diagnosis in known:
+        forms: Mapping[str, list[str]] = diagnosis.get("forms", {})
+        asked = sorted_kinds([kind for kind in kinds if kind not in {one["kind"] for one in effects}])
+        whole = forms.get("+".join(asked))
+        found.update(whole if whole is not None else [k for kind in asked for k in forms.get(kind, ())])
+    return sorted(found & set(kinds))
 
 
 def _small(p: float) -> str:
@@ -323,7 +350,7 @@ def _protocol(folder: SessionFolder, key: str, model: OpenModel, found: Diagnosi
         return ""
     notes = model.study.measurements
     named = model.data or (notes.file if notes is not None else ())
-    name = f"{key}.csv"
+    name = f"{name_of_file(Path(planned.name))}-{key[-6:]}.csv"
     write_protocol(
         folder.results / name,
         planned,

@@ -178,8 +178,8 @@ class ModuleProblem:
         x = r(s₁) + R(s₁)(0, ρ),  R' = R [k]×,  k = Θ / ((1 + e) L),  s₁ = (1 + e) X₁ + v₁,  ρ = X + v − line
 
     Joint axes x, y, z are Θ₁, Θ₂, Θ₃ (a positive Θ₂ turns the end toward −z), those of a prismatic joint the
-    extension e L. Components of Θ that are no axes are zero. Pressure acts through the cavity's volume, so that
-    the thrust on the end sections is exact; a tendon through its path.
+    extension e L, as is the axis e of an extensible one. Components of Θ that are no axes are zero. Pressure acts
+    through the cavity's volume, so that the thrust on the end sections is exact; a tendon through its path.
 
     Attributes:
         mesh: the piece that is solved.

@@ -19,10 +19,14 @@ MISSING = 65_535
 
 @dataclass(frozen=True)
 class ChartAxis:
-    """What an axis shows: its name in words and the unit of the values on it."""
+    """What an axis shows: its name in words and the unit of the values on it.
+
+    `names` stand at 0, −1, −2 … instead of numbers, the first of them uppermost.
+    """
 
     label: str
     unit: str = ""
+    names: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -93,10 +97,10 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """All panels of one picture; those at odd places stand below the one before where they come in `pairs`."""
+    """All panels of one picture, `column` of them below one another: the first and third tall, the second low."""
 
     panels: tuple[Panel, ...]
-    pairs: bool = False
+    column: int = 1
 
 
 @dataclass
@@ -125,7 +129,7 @@ def as_script_data(chart: Chart) -> str:
     """The chart as JSON that may stand inside a script element, whatever names its runs have."""
     pool = PackedLists()
     panels = [_panel(panel, pool) for panel in chart.panels]
-    return script_json({"pairs": chart.pairs, "lists": pool.as_json(), "panels": panels})
+    return script_json({"column": chart.column, "lists": pool.as_json(), "panels": panels})
 
 
 def script_json(values: Mapping[str, Any]) -> str:
@@ -153,8 +157,8 @@ def _panel(panel: Panel, pool: PackedLists) -> dict[str, Any]:
     return {
         "title": visible(panel.title),
         "below": visible(panel.below),
-        "x": {"label": visible(panel.x.label), "unit": visible(panel.x.unit), "text": visible(panel.x.text)},
-        "y": {"label": visible(panel.y.label), "unit": visible(panel.y.unit), "text": visible(panel.y.text)},
+        "x": _axis(panel.x),
+        "y": _axis(panel.y),
         "lines": lines,
         "bands": bands,
         "zero": panel.zero,
@@ -162,6 +166,11 @@ def _panel(panel: Panel, pool: PackedLists) -> dict[str, Any]:
         "linked": visible(panel.linked),
         "equal": panel.equal,
     }
+
+
+def _axis(axis: ChartAxis) -> dict[str, Any]:
+    words = {"label": visible(axis.label), "unit": visible(axis.unit), "text": visible(axis.text)}
+    return {**words, "names": [visible(name) for name in axis.names]}
 
 
 def _named(part: ChartLine | Band) -> dict[str, str]:

@@ -222,7 +222,10 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.charts.explained import explained_chart  # matplotlib takes a second to import
+    from pliant.report.charts.explained import (  # matplotlib takes a second to import
+        explained_chart,
+        hypotheses_chart,
+    )
     from pliant.report.figures import diagnosis as figures
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
@@ -272,7 +275,8 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         "together at least 90 % probable. A good explanation brings the error on runs that it was not fitted to down "
         "to the noise floor, with few parameters; a lower error with more parameters need not be more probable."
     )
-    return drawn(Picture("hypotheses", caption, figures.hypotheses(diagnosed)), *made)
+    hero = Picture("hypotheses", caption, figures.hypotheses(diagnosed), hypotheses_chart(diagnosed))
+    return drawn(hero, *made)
 
 
 def _next(found: Diagnosis) -> Section | None:
@@ -314,8 +318,8 @@ def _changes(
         words, floor = unit_of(output), diagnosed.floor(output)
         band = f" over ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
         caption = (
-            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and in the still picture "
-            "the loop over the input."
+            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
+            "input."
         )
         pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output), chart(diagnosed, output)))
     names = " or ".join(named(kinds) for kinds in diagnosed.explanations)

@@ -16,7 +16,7 @@ from pydantic import Field
 from pliant.config.measurements import ColumnNotes, Name
 from pliant.errors import UserError
 from pliant.records.actuation import is_known, is_travel, kind_of
-from pliant.records.law import JointKind
+from pliant.records.law import EXTENSION, JointKind
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
 from pliant.tabular.schema import check_named, noted, notes_beside
 from pliant.tabular.units import conversion, stem, unit_in
@@ -31,9 +31,9 @@ UNITS = {
     **{"pressure_pa": "Pa", "tendon_force_n": "N", "angle_rad": "rad", "moment_n_m": "N*m"},
     **{"extension_m": "m", "force_n": "N"},
 }
-_OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyz]_(rad|m|n_m|n)")
-_SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d(?:p(?:_([1-9]\d*))?|u(_[xyz])?)")
-_OF_AXES = re.compile(r"angle_[xyz]_rad|extension_[xyz]_m|moment_[xyz]_n_m|force_[xyz]_n")
+_OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyze]_(rad|m|n_m|n)")
+_SLOPE = re.compile(r"d(moment|force)(_[xyze])?_d(?:p(?:_([1-9]\d*))?|u(_[xyze])?)")
+_OF_AXES = re.compile(r"angle_[xyz]_rad|extension_[xyze]_m|moment_[xyz]_n_m|force_[xyze]_n")
 
 
 class StateColumns(NamedTuple):
@@ -52,12 +52,14 @@ class StateColumns(NamedTuple):
 
     def of_axes(self, axes: Sequence[str], inputs: int = 1) -> list[str]:
         """Columns of all axes: u, τ, ∂τ_i/∂p (∂τ_i/∂a_j row by row of several inputs), ∂τ_i/∂u_j row by row."""
-        (u, u_unit), (m, m_unit) = (name.split("_", 1) for name in self[:2])
+        columns = [PRISMATIC if i == EXTENSION else self for i in axes]
+        names = [[name.split("_", 1) for name in own[:2]] for own in columns]
+        efforts = [f"d{effort[0]}_{i}" for (_, effort), i in zip(names, axes, strict=True)]
         return [
-            *(f"{u}_{i}_{u_unit}" for i in axes),
-            *(f"{m}_{i}_{m_unit}" for i in axes),
-            *(name for i in axes for name in by_inputs(f"d{m}_{i}_dp", inputs)),
-            *(f"d{m}_{i}_du_{j}" for i in axes for j in axes),
+            *(f"{u[0]}_{i}_{u[1]}" for (u, _), i in zip(names, axes, strict=True)),
+            *(f"{effort[0]}_{i}_{effort[1]}" for (_, effort), i in zip(names, axes, strict=True)),
+            *(name for effort in efforts for name in by_inputs(f"{effort}_dp", inputs)),
+            *(f"{effort}_du_{j}" for effort in efforts for j in axes),
         ]
 
     def of_one(self, inputs: int = 1) -> list[str]:

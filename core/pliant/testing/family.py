@@ -22,6 +22,7 @@ from pliant.records.actuation import expected, is_known
 from pliant.records.actuation import kind_of as actuation_kind
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
+from pliant.records.law import EXTENSIBLE_AXES, N_AXES
 from pliant.testing import Finding, Subject, agree, once, require, require_refused
 from pliant.testing.common import quantity_of
 
@@ -29,7 +30,6 @@ from pliant.testing.common import quantity_of
 VOLUME_TOLERANCE = 0.02
 DENSITY = 1000.0
 DENSER = 3.0  # times as dense, for comparison
-AXES = {"revolute": 1, "prismatic": 1, "spherical": 3}
 
 
 @once
@@ -240,9 +240,10 @@ def axes_fit_the_joint(subject: Subject) -> None:
     """`joint`, `axes` and the problem's axis and actuation fit together."""
     family: ActuatorFamily = subject.build()
     problem, joint, axes = _problem(subject), family.joint, family.axes
-    require(joint in AXES, f"joint is '{joint}'; known: {', '.join(AXES)}")
-    own = len(set(axes)) == AXES[joint] and set(axes) <= {"x", "y", "z"}
-    require(own, f"a {joint} joint has {AXES[joint]} of the axes x, y, z, not {axes}")
+    require(joint in N_AXES, f"joint is '{joint}'; known: {', '.join(N_AXES)}")
+    known = EXTENSIBLE_AXES if joint == "extensible" else EXTENSIBLE_AXES[:3]
+    own = len(set(axes)) == N_AXES[joint] and set(axes) <= set(known)
+    require(own, f"a {joint} joint has {N_AXES[joint]} of the axes {', '.join(known)}, not {axes}")
     require(
         problem.main_axis in problem.axes and set(problem.axes) <= set(axes),
         f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {axes}",

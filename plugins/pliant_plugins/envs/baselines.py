@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -32,6 +32,13 @@ class Controller(Protocol):
         """(k,) the next action, from the `info` of the last step."""
 
 
+class Aim(NamedTuple):
+    """The inverse statics of a place of the tip: shares (k,), and how shares follow the tip there, (k, 3) per m."""
+
+    shares: Array
+    per_m: Array
+
+
 class Nominal:
     """The nominal model's equilibria by shares of the actuation, and the shares for a place of the tip.
 
@@ -48,6 +55,7 @@ class Nominal:
         }
         self._inverse = InverseStatics(env.equilibria(), bounds)
         self._order = [self._inverse.inputs.index(name) for name in env.inputs]
+        self._damping, self._aims = (DAMPING * env.chain.length_m) ** 2, dict[bytes, Aim]()
 
     @cached_property
     def _tips(self) -> Array:
@@ -65,6 +73,16 @@ class Nominal:
         found = self._inverse.solve(Target(tip_m=tip_m)).actuation
         pairs = zip(self.inputs, self._acting, strict=True)
         return np.array([np.interp(found[name], row, self._shares) for name, row in pairs])
+
+    def aim(self, tip_m: Array) -> Aim:
+        """The shares for a place and their slopes by damped least squares; places are remembered."""
+        key = np.asarray(tip_m, float).tobytes()
+        if key not in self._aims:
+            shares = self.shares(np.asarray(tip_m, float))
+            slopes = self.tip_slopes(shares)
+            square = slopes.T @ slopes + self._damping * np.eye(len(shares))
+            self._aims[key] = Aim(shares, np.asarray(np.linalg.solve(square, slopes.T), float))
+        return self._aims[key]
 
     def tip_m(self, shares: Array) -> Array:
         """(3,) where the tip settles."""
@@ -101,7 +119,7 @@ class OpenLoop:
         """Nothing is remembered."""
 
     def act(self, info: Mapping[str, Any]) -> Array:
-        return 2.0 * self._model.shares(_aim(info)) - 1.0
+        return 2.0 * self._model.aim(_aim(info)).shares - 1.0
 
 
 class ProportionalIntegral:
@@ -151,7 +169,12 @@ class Predictive:
     def act(self, info: Mapping[str, Any]) -> Array:
         expected = self._model.tip_m(self._past[0])
         self._missed += self._trust * (info["measured_tip_m"] - expected - self._missed)
-        shares = np.clip(self._model.shares(_aim(info) - self._missed), 0.0, 1.0)
+        if len(self._none) == 1:
+            wanted = self._model.shares(_aim(info) - self._missed)
+        else:  # to first order: a place off those that can be reached takes every start of the inverse statics
+            aim = self._model.aim(_aim(info))
+            wanted = aim.shares - aim.per_m @ self._missed
+        shares = np.clip(wanted, 0.0, 1.0)
         self._past.append(shares)
         return 2.0 * shares - 1.0
 

@@ -40,7 +40,7 @@ def write_mjcf(
     inputs are actuators of their names without a force of their own, which the module `<name>_law.py` reads. Laws of
     plugins that have no scalar form get no module.
     """
-    surfaces = SurfaceFiles(path)
+    at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     module = path.with_name(f"{identifier(path.stem)}_law.py")
     driving = module_text([DrivenArm(chain)], path.name) if has_form(chain.laws) else ""
     root = document("chain")
@@ -68,7 +68,7 @@ def write_mjcf(
         add(body, shapes_of(looks, number), group=SEEN, contype="0", conaffinity="0")
         add(body, shapes_of(chain, number), group=TOUCHED, contype="1", conaffinity="0")
     joints = [joint for body in bodies for joint in body.findall("joint")]
-    for number, (joint, stiffness) in enumerate(zip(joints, stiffness_at_rest(chain), strict=True), start=1):
+    for number, (joint, stiffness) in enumerate(zip(joints, at_rest, strict=True), start=1):
         joint.set("name", f"joint_{number}")
         joint.set("stiffness", repr(float(np.mean(np.diag(stiffness)))))
         joint.set("damping", repr(damping))

@@ -30,7 +30,7 @@ from pliant_plugins.physics.pybullet.urdf import (
 
 def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
     """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`."""
-    surfaces = SurfaceFiles(path)
+    at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
     root = chain_tree(floored(chain), collisions=collisions)
     root.insert(0, Comment(THE_LAW if has_form(chain.laws) else THE_LAW.replace(*WITHOUT_FORM)))
@@ -42,7 +42,7 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
         name = f"body_{body}" if body else "base"
         _dress(links[name], looks, body, surfaces, path.parent)
     unit = "N/m" if chain.laws[0].joint == "prismatic" else "N m/rad"
-    for number, stiffness in enumerate(stiffness_at_rest(chain), start=1):
+    for number, stiffness in enumerate(at_rest, start=1):
         hinge = root.find(f"joint[@name='joint_{number}']")
         assert hinge is not None
         rows = "; ".join(" ".join(f"{value:.9g}" for value in row) for row in stiffness)

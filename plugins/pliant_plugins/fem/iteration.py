@@ -21,8 +21,9 @@ Step = TypeVar("Step")
 State = TypeVar("State")
 
 ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
-CHORD = 0.003  # strain of a correction after which the factorised matrix is worth another try
-SHRINK = 0.05  # share of the one before that a chord step may be
+CHORD = 0.02  # strain of a correction after which the factorised matrix is worth another try
+MOST_CHORDS = 5  # about as many cost a factorisation
+SHRINK = 0.15  # share of the one before that a chord step may be
 
 
 class SingularMatrixError(ArithmeticError):
@@ -114,16 +115,20 @@ class Iteration(ABC, Generic[Trial, Step]):
         It is when a step is small `enough` and what it leaves, itself times its share of the step before, is as small
         as what a step of Newton's that is small enough would leave, its square.
         """
-        count = 0
+        count, least = 0, enough * enough / unit
         while before <= CHORD**2 * unit and (step := self.again(point)) is not None:
             work = self.work(point, step)
-            moved = self.moved(point, step, 1.0) if work <= SHRINK**2 * before else None
+            if not 0 < work <= SHRINK**2 * before:
+                break
+            done = work <= enough and work * work / before <= least
+            if not done and np.log(least / work) / np.log(work / before) > MOST_CHORDS:
+                break
+            moved = self.moved(point, step, 1.0)
             if moved is None:
                 break
-            point, count = moved, count + 1
-            if work <= enough and work * work / before <= enough * enough / unit:
+            point, count, before = moved, count + 1, work
+            if done:
                 return point, count, True
-            before = work
         return point, count, False
 
     def _searched(self, point: Trial, step: Step, work: float, tolerance: Tolerance) -> Trial:

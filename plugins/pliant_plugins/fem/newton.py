@@ -26,6 +26,9 @@ from pliant_plugins.fem.iteration import (
     in_load_steps,
 )
 
+# An interpolated guess may be this many times farther off than the tangent's: half the way is no shorter for it.
+LEAP = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class Control:
@@ -154,10 +157,10 @@ class Newton:
     def at_once(self, target: Control, expected: Array) -> FemEquilibrium | None:
         """Equilibrium at `target` from the x that is expected there; None where that is too far from it."""
         way = _ToControl(self.system, target)
+        tolerance = replace(self.tolerance, too_long=LEAP * self.tolerance.too_long)
         try:
-            point, count = way.converged(
-                self.system.evaluate(expected, target.actuation), self.tolerance, True, False
-            )
+            guess = self.system.evaluate(expected, target.actuation)
+            point, count = way.converged(guess, tolerance, final=True, patient=False)
             return FemEquilibrium(point, self.system.reduce(point), count + 1)
         except (DivergedError, SingularMatrixError, np.linalg.LinAlgError):
             return None

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -116,18 +117,21 @@ class _Patch:
     def at(self, z: Array, what: Literal["x", "effort"] = "x") -> Array:
         """x (n,) or f (k,)."""
         first, weights = self.near[0], self._weights(z)
-        tilt = getattr(first, f"{what}_by_z")
+        by_slope = np.zeros((len(self.near), len(z)))
+        by_slope[:, self.moved] = weights[:, 1:] * self.scale[self.moved]
+        values = weights[:, 0]
+        # about the plane of the first: what the weights make of that plane is taken off
+        along = z - first.z - values @ (self._known - first.z) - by_slope.sum(axis=0)
+        total = (1 - values.sum()) * getattr(first, what) + getattr(first, f"{what}_by_z") @ along
+        for anchor, value, slope in zip(self.near, values, by_slope, strict=True):
+            total += value * getattr(anchor, what)
+            total += getattr(anchor, f"{what}_by_z") @ slope
+        return np.asarray(total)
 
-        def plane(z: Array) -> Array:
-            return np.asarray(getattr(first, what) + tilt @ (z - first.z))
-
-        total = plane(z)
-        for anchor, weight in zip(self.near, weights, strict=True):
-            by_slope = np.zeros(len(z))
-            by_slope[self.moved] = weight[1:] * self.scale[self.moved]
-            total += weight[0] * (getattr(anchor, what) - plane(anchor.z))
-            total += (getattr(anchor, f"{what}_by_z") - tilt) @ by_slope
-        return total
+    @cached_property
+    def _known(self) -> Array:
+        """(N, d) places of the anchors."""
+        return np.array([anchor.z for anchor in self.near])
 
     def released(self, z: Array, free: IntArray, axes: IntArray, effort: Array) -> Array | None:
         """z with the components `free`, of the axes `axes`, where these bear `effort`; None if that is not found."""
@@ -148,7 +152,7 @@ class _Patch:
 
     def _weights(self, z: Array) -> Array:
         """(N, 1 + d') of the anchors' values and of their scaled slopes, d' being the components that moved."""
-        at = np.array([anchor.z for anchor in self.near])[:, self.moved] / self.scale[self.moved]
+        at = self._known[:, self.moved] / self.scale[self.moved]
         row = _kernel((z[self.moved] / self.scale[self.moved])[None], at)[0]
         return np.asarray(lu_solve(self.factors, row)).reshape(len(self.near), -1)
 

@@ -34,6 +34,7 @@ class EffectList {
     const seen = order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown);
     const first = seen.filter((one, k) => k < FIRST || ticked.has(one.kind)), more = seen.filter(one => !first.includes(one));
     const open = this.hold.querySelector("details.more") && this.hold.querySelector("details.more").open;
+    this.told = new Set();
     const rows = list => list.map(one => this.row(one, kinds[one.kind], ticked));
     this.hold.replaceChildren(...rows(first), ...(more.length ? [el("details", {class: "more", open}, el("summary", {}, `${more.length} more`), ...rows(more))] : []));
     if (focus && document.getElementById(focus)) document.getElementById(focus).focus({preventScroll: true});
@@ -43,12 +44,12 @@ class EffectList {
     const box = el("input", {type: "checkbox", id, onchange: event => this.tick(one, event.target.checked)});
     box.checked = has;
     const badge = found && found.by_kind[one.kind] !== undefined
-      ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, percent(found.by_kind[one.kind])) : null;
+      ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, `${percent(found.by_kind[one.kind])} probable`) : null;
     const own = this.model.own.includes(one.kind) ? el("span", {class: "badge"}, "of the study") : null;
     const mine = one.file ? el("span", {class: "badge", title: "your own effect; it is read anew when the file changes"}, `from ${one.file}`) : null;
     const bar = el("div", {class: "bar", "aria-hidden": "true"}, el("i", {style: `width:${seen ? 100 * seen.explains : 0}%`}));
     const head = el("div", {class: "head"}, box, el("label", {for: id}, one.kind.replaceAll("_", " "), " ", badge, " ", own, " ", mine), bar,
-      el("span", {class: "percent", title: "of the error that is left, at most"}, seen ? percent(seen.explains) : "…"));
+      el("span", {class: "percent", title: "of the error that is left, at most"}, seen ? `≤ ${percent(seen.explains)}` : "…"));
     const alike = seen ? seen.alike.filter(k => k !== one.kind) : [];
     const rows = [head, el("p", {class: "words soft"}, one.summary)];
     if (has) {
@@ -62,7 +63,8 @@ class EffectList {
     const found = this.model.diagnosis;
     const split = found ? found.classes.find(c => c.run && c.kinds.includes(kind)) : null;
     const names = alike.slice(0, 4).join(", ").replaceAll("_", " ") + (alike.length > 4 ? ` and ${alike.length - 4} more` : "");
-    return `These runs cannot tell it from ${names}.` + (split ? ` The run '${split.run}' would: ${split.words} (${short(split.minutes)} min).` : "");
+    const again = split && this.told.has(split.run); if (split) this.told.add(split.run);  // once for all look-alikes
+    return `These runs cannot tell it from ${names}.` + (again ? ` The run '${split.run}' would.` : split ? ` The run '${split.run}' would: ${split.words} (${short(split.minutes)} min).` : "");
   }
   slider(one, s) {
     const now = this.effects.find(e => e.kind === one.kind), id = `slider-${one.kind}-${s.name}`;

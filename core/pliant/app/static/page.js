@@ -237,6 +237,8 @@ function verdict(m) {
     hold.append(el("table", {}, el("tr", {}, el("th", {}, "explanation"), el("th", {class: "n"}, "probability"), el("th", {class: "n"}, "left-out error / noise")),
       ...d.hypotheses.filter(h => h.probability > 0.001).slice(0, 5).map(h => el("tr", {}, el("td", {}, h.kinds.join(" + ").replaceAll("_", " ") || "nothing is missing"), el("td", {class: "n"}, percent(h.probability)), el("td", {class: "n"}, short(h.left_out))))));
     if (d.next) hold.append(el("p", {}, d.next));
+    else if (!d.protocol) hold.append(el("p", {class: "soft"}, /^(missing_effect|nothing_missing)$/.test(d.verdict)
+      ? "These runs decide: no further run is proposed." : "No run that can be proposed would decide more."));
     const links = [...(d.protocol ? [link(d.protocol, "The file of the next run")] : []), ...(d.report ? [link(d.report, "The report of Diagnose")] : [])];
     if (links.length) hold.append(el("p", {}, links[0], links[1] ? " · " : "", links[1]));
   }

@@ -19,8 +19,10 @@ from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.sampling.walk import MAIN, StateTarget, Walk
 from pliant.records.design import Array
 from pliant.records.fem import Role
+from pliant.records.law import EXTENSION
 
 STRAIGHT = 1e-9  # a largest free angle (rad) below this is rounding
+BESIDE = 0.3
 FREE_SHARES = (0.5, 1.0)  # of the limits, on each free branch
 
 
@@ -83,11 +85,14 @@ class SeveralPlan:
         free = [one.state for one in walk.of(MAIN)]
         axes = walk.pieces[MAIN].axes
         turned = np.array([state.deformation for state in free])
-        largest = float(np.abs(turned).max())
+        largest = float(np.abs(turned[:, [axis != EXTENSION for axis in axes]]).max())
         if largest < STRAIGHT:
             raise NotReachedError("no input bends the module, so that no angles can be chosen")
         sides = {}
         for axis, column in zip(axes, turned.T, strict=True):
+            if axis == EXTENSION:
+                sides[axis] = self._extensions(column)
+                continue
             low, high = min(float(column.min()), 0.0), max(float(column.max()), 0.0)
             reach = max(-low, high)
             if reach < 1e-3 * largest:
@@ -99,6 +104,11 @@ class SeveralPlan:
                 max(wide * high, -self.config.angle_low * reach),
             )
         return sides
+
+    def _extensions(self, column: Array) -> tuple[float, float]:
+        """The range of the free states' extensions, and on both sides `BESIDE` of it for forces along the chain."""
+        low, high = float(column.min()), float(column.max())
+        return low - BESIDE * (high - low), high + BESIDE * (high - low)
 
     def _points(self, dimensions: int) -> Array:
         """(n, d) in the unit cube: first what scores, then corners, then the rest."""

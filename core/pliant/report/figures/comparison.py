@@ -54,7 +54,7 @@ def runs_chart(compared: Compared, output: str, runs: Sequence[str] | None = Non
     ends = (float(flat.min()), float(flat.max())) if len(flat) else (0.0, 1.0)
     margin = 0.06 * max(ends[1] - ends[0], 1e-9)
     ranges = [(ends[0] - margin, ends[1] + margin), (-reach, reach)]
-    return Chart(tuple(replace(panel, y_range=ranges[k % 2]) for k, panel in enumerate(panels)), pairs=True)
+    return Chart(tuple(replace(panel, y_range=ranges[k % 2]) for k, panel in enumerate(panels)), column=2)
 
 
 def _run_panels(compared: Compared, name: str, output: str, words: NamedUnit) -> tuple[Panel, Panel]:
@@ -162,7 +162,7 @@ def loops_chart(compared: Compared, output: str) -> Chart | None:
     if found is None:
         return None
     worst = sorted(compared.comparison.conditions, key=lambda c: -c.share_of_error / max(c.n, 1))[:MOST_LOOPS]
-    return Chart(tuple(p for c in worst for p in _loop_panels(compared, c, *found, output)), pairs=True)
+    return Chart(tuple(p for c in worst for p in _loop_panels(compared, c, *found, output)), column=2)
 
 
 def _loop_panels(

@@ -40,7 +40,7 @@ def hypotheses(diagnosed: Diagnosed) -> style.Png:
         left.set_xticks([0, 25, 50, 75, 100])
         if known:
             _left_out(panels[1], shown, errors, colours)
-        left.set_yticks(range(len(shown)), [_name(kinds) for kinds in shown])
+        left.set_yticks(range(len(shown)), [name_of(kinds) for kinds in shown])
         left.set_ylim(len(shown) - 0.4, -0.95)
         for panel in panels:
             panel.grid(axis="y", visible=False)
@@ -48,7 +48,8 @@ def hypotheses(diagnosed: Diagnosed) -> style.Png:
         return style.png(figure)
 
 
-def _name(kinds: Kinds) -> str:
+def name_of(kinds: Kinds) -> str:
+    """A hypothesis in words, on two lines where it is long."""
     if kinds == NOTHING:
         return "nothing missing (model as it is)"
     text, middle = named(kinds), (len(kinds) + 1) // 2

@@ -16,6 +16,10 @@
       this.hold = make("div", {class: "hold"}); this.tip = make("div", {class: "tip", role: "status"}); this.tip.hidden = true;
       this.box.append(this.hold);
     }
+    // Names instead of numbers on the upright axis.
+    named() { const names = this.data.y.names; if (!names.length) return {};
+      const inside = () => names.map((_, k) => -k).filter(v => v >= this.view.y[0] && v <= this.view.y[1]).reverse();
+      return {label: undefined, splits: inside, values: (u, at) => at.map(v => names[-v]), grid: {show: false}}; }
     shown(part) { return !this.off.has(`run ${part.run}`) && !this.off.has(`name ${part.name}`); }
     get alive() { return this.lines.some(line => this.shown(line)); }
     all() {
@@ -33,7 +37,7 @@
       this.plot = new uPlot({mode: 2, width: this.hold.clientWidth || 300, height, legend: {show: false}, padding: [6, 8, 0, 0],
         cursor: {drag: {x: true, y: true, uni: 20, setScale: false}, points: {show: false}, bind: {dblclick: () => () => null}},
         scales: {x: {time: false, auto: false, range: () => this.view.x}, y: {auto: false, range: () => this.view.y}},
-        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), space: 17,
+        axes: [{...axis(this.data.x.text), size: 30}, {...axis(this.data.y.text), space: 17, ...this.named(),
           size: (u, texts) => texts ? 14 + 7 * Math.max(4, ...texts.map(text => String(text).length)) : 48}],
         series: [null, {paths: () => null, points: {show: false}}],
         hooks: {draw: [u => this.draw(u)], setSelect: [u => this.dragged(u)], setCursor: [u => this.point(u)]}},
@@ -114,7 +118,7 @@
           if (d < near) { near = d; best = [line, k]; } } }
       if (!best) return;
       const [line, k] = best;
-      this.tip.textContent = `${line.run ? `${line.run}: ` : ""}${line.name}\n${words(line.y[k], this.data.y)}\n${words(line.x[k], this.data.x)}`;
+      this.tip.textContent = `${line.run ? `${line.run}: ` : ""}${line.name}\n${this.data.y.names.length ? "" : `${words(line.y[k], this.data.y)}\n`}${words(line.x[k], this.data.x)}`;
       this.tip.hidden = false;
       const right = left > u.over.clientWidth / 2;
       this.tip.style.left = right ? "" : `${u.over.offsetLeft + left + 12}px`;
@@ -155,13 +159,13 @@
       still.setAttribute("aria-pressed", String(!to)); });
     still.setAttribute("aria-pressed", "false");
     for (const group of [switches("run", "Runs", runs), switches("name", "Lines", names)]) if (group) bar.append(group);
-    const step = data.pairs ? 2 : 1;
+    const step = data.column;
     for (let k = 0; k < panels.length; k += step) { const cell = make("div", {class: "cell"});
       for (const p of panels.slice(k, k + step)) cell.append(p.box); grid.append(cell); }
     live.append(bar, grid); figure.querySelector("img").after(live); figure.classList.add("live");
     const few = panels.length < 3 * step;
     if (few) grid.classList.add("few");
-    panels.forEach((p, k) => p.build(data.pairs && k % 2 ? (few ? 170 : 130) : few ? 340 : 230));
+    panels.forEach((p, k) => p.build(k % step === 1 ? (few ? 170 : 130) : few ? 340 : 230));
   }
 
   PliantParts.whenSeen("figure[data-chart]", chart);

@@ -19,7 +19,7 @@ from pliant.meshing.surfaces import half_skins
 from pliant.records.actuation import joined, names_of
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
-from pliant.records.law import JointKind
+from pliant.records.law import EXTENSIBLE_AXES, JointKind
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.units import Length
 
@@ -39,14 +39,20 @@ class ThreeChamberConfig(FamilyConfig):
     wall_m: Length = Field(description="t: thickness of the outer wall, and of that around the bore")
     rib_m: Length = Field(description="thickness of the ribs at the chambers' mean radius")
     module_length_m: Length = Field(description="l: length of one module")
+    extends: bool = Field(
+        default=False,
+        description="whether the extension is a coordinate of the joint; else the length follows the pressures, "
+        "without a force along the chain, and a chain keeps its own",
+    )
 
 
 class ThreeChamber(ActuatorFamily):
     """One design of three chambers with a pressure each, the first at +z, the others 120° and 240° on about x.
 
     One pressure bends the module away from its chamber, about any axis across x with two of them; all three make it
-    longer. As in `two_chamber` the tube is wound, sections are alike, and the length follows the pressures without
-    being a coordinate of the joint, which is a ball joint: bending about y and z, twist about x.
+    longer. As in `two_chamber` the tube is wound and sections are alike. The joint is a ball joint: bending about y and
+    z, twist about x. With `extends` it is an extensible one: a module also grows by e, under its pressures and under
+    a force along it, and a chain of them grows with it.
     """
 
     joint: ClassVar[JointKind] = "spherical"
@@ -57,6 +63,8 @@ class ThreeChamber(ActuatorFamily):
     def __init__(self, config: ThreeChamberConfig) -> None:
         super().__init__(config)
         _check(config)
+        if config.extends:
+            self.joint, self.axes = "extensible", EXTENSIBLE_AXES  # type: ignore[misc]
 
     @property
     def module_length_m(self) -> float:
@@ -74,8 +82,8 @@ class ThreeChamber(ActuatorFamily):
             energy_scale=1.0,
             fixed={"wound": (1, 2), "pin": (0,)},
             links=(Link(first, second, {0: 1.0, 1: 1.0, 2: 1.0}),),
-            axes=axes or ALL,
-            joint="spherical",
+            axes=axes or self.axes,
+            joint=self.joint,
             actuation=self.actuation,
             contact_planes=(),
         )

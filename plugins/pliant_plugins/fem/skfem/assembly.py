@@ -25,7 +25,7 @@ from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.fibres import with_fibres
 from pliant_plugins.fem.skfem.kernel import projected
-from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion, strain_energy
+from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion
 from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
@@ -123,25 +123,41 @@ class Assembler:
 
     def strain_energy(self, x: Array, second: bool = True) -> Terms | None:
         """Strain energy (J) of the piece's solid; `None` where a cell is inverted."""
-        cells, G = self.cells, self.globals.count
-        density = strain_energy(self.variables, self.material, self._motion(x), self._dilatation(x), second)
-        if density is None:
+        cells, G, variables, at = self.cells, self.globals.count, self.variables, self._motion(x)
+        dilatation, scatter = self._dilatation(x), self._cell_scatter
+        law = (
+            pointwise(self.material, at.F)
+            if dilatation is None
+            else mixed(self.material, at.F, *dilatation, second)
+        )
+        if law is None:
             return None
-        m, n = len(cells.nodes), self._cell_scatter.dofs.shape[1]
-        columns, stiffness = np.zeros((m, n + G, 1 + G)), np.zeros((m if second else 0, n, n))
+        columns = np.zeros((len(cells.nodes), scatter.dofs.shape[1] + G, 1 + G))
+        totals = np.zeros(len(self.pattern.indices) if second else 0)
         projected(
-            density.gradient,
-            density.hessian,
+            law.stress,
+            law.tangent if second else law.tangent[:0],
+            at.g,
+            at.dg,
+            at.first,
+            at.bilinear,
+            variables.S,
+            variables.frame,
+            -1 if variables.volume is None else variables.volume,
+            -1 if variables.strain is None else variables.strain,
+            variables.count,
             cells.weight,
             cells.gradient,
             cells.value,
             self._modes,
-            *self.variables.lateral,
+            *variables.lateral,
             columns,
-            stiffness,
+            scatter.chosen,
+            scatter.slot,
+            np.ones(0) if scatter.factor is None else scatter.factor,
+            totals,
         )
-        value = float(np.sum(cells.weight * density.value))
-        terms = self._summed(x, value, columns, stiffness if second else None, self._cell_scatter)
+        terms = self._summed(x, float(np.sum(cells.weight * law.energy)), columns, totals, scatter)
         return terms if second else terms.slope
 
     def at_points(self, x: Array) -> tuple[Array, Array, Array]:
@@ -239,17 +255,14 @@ class Assembler:
         columns = np.concatenate([gradient[..., None], hessian[..., local_variables:]], axis=-1)
         local = _project(rows, columns)
         stiffness = _stiffness(rows, hessian)
-        return self._summed(x, float(np.sum(weight * density.value)), local, stiffness, scatter)
+        matrix = scatter.values(stiffness, len(self.pattern.indices))
+        return self._summed(x, float(np.sum(weight * density.value)), local, matrix, scatter)
 
-    def _summed(
-        self, x: Array, value: float, local: Array, stiffness: Array | None, scatter: Scatter
-    ) -> Terms:
-        """Local columns (m, n + G, 1 + G) and matrices (m, n, n) sent to the dofs."""
+    def _summed(self, x: Array, value: float, local: Array, matrix: Array, scatter: Scatter) -> Terms:
+        """Local columns (m, n + G, 1 + G) sent to the dofs, beside the matrix's values."""
         n = scatter.dofs.shape[1]
         totals = np.concatenate([scatter.totals(local[:, :n], self.size), local[:, n:].sum(axis=0)])
         first, border = self.globals.chain(x, totals[:, 0], totals[:, 1:])
-        count = len(self.pattern.indices)
-        matrix = np.zeros(0) if stiffness is None else scatter.values(stiffness, count)
         return Terms(value, first, matrix, border)
 
 

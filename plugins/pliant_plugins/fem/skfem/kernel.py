@@ -124,30 +124,42 @@ def law_slopes(
 
 @njit(cache=True)
 def projected(
-    gradient: Array, hessian: Array, weight: Array, slopes: Array, value: Array, modes: Array, wide_y: bool,
-    wide_z: bool, columns: Array, stiffness: Array,
+    stress: Array, tangent: Array, g: Array, dg: Array, first_row: Array, bilinear: Array, S: IntArray, frame: IntArray,
+    volume: int, strain: int, count: int, weight: Array, slopes: Array, value: Array, modes: Array, wide_y: bool,
+    wide_z: bool, columns: Array, chosen: IntArray, slot: IntArray, factor: Array, totals: Array,
 ) -> None:  # fmt: skip
-    """A density's slopes at the points of cells, summed into local vectors and matrices.
+    """A law's slopes at the points of cells, summed into the cells' vectors and into the matrix.
+
+    Cell by cell, so that what is large stays in the cache.
 
     Args:
-        gradient, hessian: (m, q, v) and (m, q, v, v), or a Hessian of no cells.
+        stress, tangent: (m, q, N) and (m, q, N, N), or a tangent of no cells; with g … strain of `count` variables as
+            `law_slopes` takes them.
         weight: (m, q) volumes.
         slopes, value: (m, q, 3, n) and (q, n) of the displacements' functions.
         modes: (m or 1, q, k) of volume's and pressure's, k = 0 where there are none.
         wide_y, wide_z: whether ρ_y, ρ_z are variables.
         columns: (m, 3 n + 2 k + G, 1 + G) out: gradient and the Hessian's columns of the globals.
-        stiffness: (m, 3 n + 2 k, 3 n + 2 k) out: blocks on and above the diagonal.
+        chosen, slot, factor: of `pattern.Scatter`, in the order of the cells; a factor of no entries is 1.
+        totals: (nnz,) out: the matrix's values.
     """
     m, q, n, k = weight.shape[0], weight.shape[1], slopes.shape[3], modes.shape[2]
     local = 9 + wide_y + wide_z
     first = local + (2 if k else 0)
-    G, second = gradient.shape[2] - first, len(hessian) > 0
+    G, second, size, entry = count - first, len(tangent) > 0, 3 * n + 2 * k, 0
+    gradient, stiffness = np.empty((q, count)), np.empty((size, size))
+    hessian = np.empty((q if second else 0, count, count))
     start = np.array([0, 3, 6 + wide_y, local])
+    none = np.empty((0, stress.shape[2], stress.shape[2]))
     narrow, wide = np.empty((q * 3, n)), np.empty((q * 4, n))
     T3, T4, block = np.empty((q * 3, n)), np.empty((q * 4, n)), np.empty((n, n))
     mode = np.empty(n)
     for c in range(m):
         own = modes[c if len(modes) > 1 else 0]
+        law_slopes(
+            stress[c], tangent[c] if second else none, g[c], dg[c], first_row[c], bilinear, S, frame, volume, strain,
+            gradient, hessian,
+        )  # fmt: skip
         for p in range(q):
             for r in range(3):
                 narrow[3 * p + r] = slopes[c, p, r]
@@ -161,21 +173,22 @@ def projected(
                     v = start[part] + r
                     B = value[p] if r == 3 else slopes[c, p, r]
                     for col in range(1 + G if second else 1):
-                        x = w * (gradient[c, p, v] if col == 0 else hessian[c, p, v, first + col - 1])
+                        x = w * (gradient[p, v] if col == 0 else hessian[p, v, first + col - 1])
                         for a in range(n):
                             columns[c, part * n + a, col] += x * B[a]
             for part in range(2 if k else 0):
                 for col in range(1 + G if second else 1):
                     v = local + part
-                    x = w * (gradient[c, p, v] if col == 0 else hessian[c, p, v, first + col - 1])
+                    x = w * (gradient[p, v] if col == 0 else hessian[p, v, first + col - 1])
                     for a in range(k):
                         columns[c, 3 * n + part * k + a, col] += x * own[p, a]
             for i in range(G):
-                columns[c, 3 * n + 2 * k + i, 0] += w * gradient[c, p, first + i]
+                columns[c, 3 * n + 2 * k + i, 0] += w * gradient[p, first + i]
                 for j in range(G if second else 0):
-                    columns[c, 3 * n + 2 * k + i, 1 + j] += w * hessian[c, p, first + i, first + j]
+                    columns[c, 3 * n + 2 * k + i, 1 + j] += w * hessian[p, first + i, first + j]
         if not second:
             continue
+        stiffness[:] = 0.0
         for d in range(3):
             rd, right = start[d + 1] - start[d], wide if start[d + 1] - start[d] == 4 else narrow
             for e in range(d + 1):
@@ -186,12 +199,12 @@ def projected(
                         row = T[re * p + r]
                         row[:] = 0.0
                         for s in range(rd):
-                            h = weight[c, p] * hessian[c, p, start[e] + r, start[d] + s]
+                            h = weight[c, p] * hessian[p, start[e] + r, start[d] + s]
                             B = right[rd * p + s]
                             for a in range(n):
                                 row[a] += h * B[a]
                 np.dot(left.T, T, block)
-                stiffness[c, e * n : (e + 1) * n, d * n : (d + 1) * n] = block
+                stiffness[e * n : (e + 1) * n, d * n : (d + 1) * n] = block
         for part in range(2 if k else 0):
             v, at = local + part, 3 * n + part * k
             for p in range(q):
@@ -199,18 +212,23 @@ def projected(
                     re = start[e + 1] - start[e]
                     mode[:] = 0.0
                     for r in range(re):
-                        h = weight[c, p] * hessian[c, p, start[e] + r, v]
+                        h = weight[c, p] * hessian[p, start[e] + r, v]
                         B = value[p] if r == 3 else slopes[c, p, r]
                         for a in range(n):
                             mode[a] += h * B[a]
                     for a in range(n):
                         for b in range(k):
-                            stiffness[c, e * n + a, at + b] += mode[a] * own[p, b]
+                            stiffness[e * n + a, at + b] += mode[a] * own[p, b]
                 for other in range(part + 1):
-                    h = weight[c, p] * hessian[c, p, local + other, v]
+                    h = weight[c, p] * hessian[p, local + other, v]
                     for a in range(k):
                         for b in range(k):
-                            stiffness[c, 3 * n + other * k + a, at + b] += h * own[p, a] * own[p, b]
+                            stiffness[3 * n + other * k + a, at + b] += h * own[p, a] * own[p, b]
+        while entry < len(chosen) and chosen[entry] < (c + 1) * size * size:
+            place = chosen[entry] - c * size * size
+            share = stiffness[place // size, place % size]
+            totals[slot[entry]] += share * (factor[entry] if len(factor) else 1.0)
+            entry += 1
 
 
 @njit(cache=True)

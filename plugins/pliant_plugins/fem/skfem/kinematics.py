@@ -18,11 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
-from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
-from pliant_plugins.fem.skfem.kernel import law_slopes
 from pliant_plugins.fem.skfem.unknowns import Globals
 
 # ∂²g_i/∂a∂b with a, b among (ρ_y, ρ_z, k_x, k_y, k_z): g = k × ρ is bilinear, ρ = (0, ρ_y, ρ_z).
@@ -108,37 +105,3 @@ def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) 
     F[..., 0, :] = first
     F[..., :rows, :] += g[..., None] * first[..., None, :]
     return RodMotion(F, g, dg, first, bilinear)
-
-
-def strain_energy(
-    variables: Variables,
-    material: Material,
-    at: RodMotion,
-    dilatation: tuple[Array, Array] | None = None,
-    second: bool = True,
-) -> Pointwise | None:
-    """Strain energy density W(F), of mixed cells at ϑ − 1 and q/K (m, q) too; `None` where a cell is inverted.
-
-    Without `second` the Hessian is left out, of no cells.
-    """
-    law = pointwise(material, at.F) if dilatation is None else mixed(material, at.F, *dilatation, second)
-    if law is None:
-        return None
-    points, count = law.stress.shape[:2], variables.count
-    gradient = np.empty((*points, count))
-    hessian = np.empty((points[0] if second else 0, points[1], count, count))
-
-    def flat(array: Array) -> Array:
-        return np.ascontiguousarray(array).reshape(array.shape[0] * array.shape[1], *array.shape[2:])
-
-    law_slopes(
-        *(flat(array) for array in (law.stress, law.tangent, at.g, at.dg, at.first)),
-        at.bilinear,
-        variables.S,
-        variables.frame,
-        -1 if variables.volume is None else variables.volume,
-        -1 if variables.strain is None else variables.strain,
-        flat(gradient),
-        flat(hessian),
-    )
-    return Pointwise(law.energy, gradient, hessian)

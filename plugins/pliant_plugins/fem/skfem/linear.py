@@ -64,8 +64,6 @@ class Pardiso:
 
         self._error, self._new = PyPardisoError, made
         self._mkl = self._new()
-        # Without it pypardiso walks the whole environment for MKL in every solver that it makes: 0.6 s each.
-        os.environ.setdefault("PYPARDISO_MKL_RT", self._mkl.libmkl._name)
         self._pattern, self._analysed, self._scaled = pattern, False, False
 
     def solve(self, values: Array, right: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, Link, ModuleProblem
+from pliant.records.law import EXTENSION
 from pliant_plugins.fem.constraints import Constraints, Forest
 from pliant_plugins.fem.skfem.basis import PressureData
 
@@ -49,12 +50,15 @@ class Globals:
             if axes != ("x",):
                 raise UserError(f"a prismatic module has the axis 'x' alone, not {list(axes)}.")
             return Globals(problem.span_m, (STRAIN,), axes, (0,), (scale * problem.span_m,))
-        if not set(axes) <= set(AXES) or len(set(axes)) < len(axes):
-            raise UserError(f"a module's axes are distinct ones of x, y, z, not {list(axes)}.")
-        turns = sorted(AXES.index(axis) for axis in axes)
+        known = (*AXES, EXTENSION) if problem.joint == "extensible" and problem.stretches else AXES
+        if not set(axes) <= set(known) or len(set(axes)) < len(axes):
+            raise UserError(f"a module's axes are distinct ones of {', '.join(known)}, not {list(axes)}.")
+        numbers = [known.index(axis) for axis in axes]
+        turns = sorted(number for number in numbers if number != STRAIN)
         active = (*turns, STRAIN) if problem.stretches else tuple(turns)
-        places = tuple(active.index(AXES.index(axis)) for axis in axes)
-        return Globals(problem.span_m, active, axes, places, (scale,) * len(axes))
+        places = tuple(active.index(number) for number in numbers)
+        scales = tuple(scale * problem.span_m if number == STRAIN else scale for number in numbers)
+        return Globals(problem.span_m, active, axes, places, scales)
 
     @property
     def count(self) -> int:

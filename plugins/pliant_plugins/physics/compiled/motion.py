@@ -73,13 +73,17 @@ def to_torque(phi, effort, torque):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def coordinates(qpos, ball, axes, q):  # type: ignore[no-untyped-def]
-    """Fills q (n, a) from MuJoCo's qpos (n,) or, of balls, (4 n,)."""
+    """Fills q (n, a) from MuJoCo's qpos (n,) or, of balls, (4 n,), of balls with a slide (5 n,)."""
     phi = np.empty(3)
-    for i in range(len(q)):
+    n, a = q.shape
+    for i in range(n):
         if ball:
-            rotation_vector(qpos[4 * i : 4 * i + 4], phi)
+            at = (a + 1) * i
+            rotation_vector(qpos[at : at + 4], phi)
             for b in range(3):
                 q[i, b] = phi[axes[b]]
+            if a > 3:
+                q[i, 3] = qpos[at + 4]
         else:
             q[i, 0] = qpos[i]
 
@@ -88,13 +92,16 @@ def coordinates(qpos, ball, axes, q):  # type: ignore[no-untyped-def]
 def lead(qvel, ball, axes, dt, q):  # type: ignore[no-untyped-def]
     """Moves q (n, a) by dt · dq/dt; of balls dφ/dt = Jᵣ⁻¹ ω, and Jᵣ⁻¹(φ) is Jᵣ⁻ᵀ(−φ)."""
     back, rate = np.empty(3), np.empty(3)
-    for i in range(len(q)):
+    n, a = q.shape
+    for i in range(n):
         if ball:
             for b in range(3):
                 back[axes[b]] = -q[i, b]
-            to_torque(back, qvel[3 * i : 3 * i + 3], rate)
+            to_torque(back, qvel[a * i : a * i + 3], rate)
             for b in range(3):
                 q[i, b] += dt * rate[axes[b]]
+            if a > 3:
+                q[i, 3] += dt * qvel[a * i + 3]
         else:
             q[i, 0] += dt * qvel[i]
 
@@ -148,14 +155,15 @@ def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: 
 
     Args:
         laws, terms: as in `efforts` and `combine`; `terms` may be empty.
-        joints: whether balls; positions of the law's axes among x, y, z (3,); the column of the main bending axis.
+        joints: whether balls; positions of the law's axes among x, y, z (3,); the column of the main bending axis; the
+            extension that counts as much as a turn of 1 rad, of balls with a slide.
         views: into the engine: qpos, qvel, force, damping of the chain.
         inputs: values of the actuators (k,), end moment that opposes actuation, temperature.
         options: step to come, physical damping of each coordinate, caution.
-        extra: (n,) the slope is taken as caution · (|k| + extra).
+        extra: (n,) the slope is taken as caution · (|k| + extra), of extensions caution · (|k| + extra / reach²).
         memory: coordinates (n, a) at the last step and states (n·a·s,) of the terms.
     """
-    ball, axes, main = joints
+    ball, axes, main, reach = joints
     qpos, qvel, force, damping = views
     p, moment, temperature = inputs
     dt, plain, caution = options
@@ -169,19 +177,23 @@ def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: 
         drive_terms(laws, terms, q, before, states, states.copy(), (p, temperature), dt, tau, slope)
     else:
         efforts(laws, q, p, tau, np.empty((len(p), n, a)), slope)
-    phi, effort, width = np.empty(3), np.empty(3), 3 if ball else 1
+    phi, effort, width = np.empty(3), np.empty(3), a
     for i in range(n):
         tau[i, main] -= moment
         for b in range(a):
-            row = abs(slope[i, b, b])
+            row, own = abs(slope[i, b, b]), reach if b == 3 else 1.0
             for c in range(a):
                 if c != b:
-                    row += 0.5 * abs(slope[i, b, c] + slope[i, c, b])
+                    row += 0.5 * abs(slope[i, b, c] + slope[i, c, b]) * ((reach if c == 3 else 1.0) / own)
+            if b == 3:
+                force[width * i + 3] = tau[i, 3]
+                damping[width * i + 3] = dt * caution * (row + extra[i] / (own * own))
+                continue
             at = axes[b] if ball else 0
             phi[at], effort[at] = q[i, b], tau[i, b]
             damping[width * i + at] = dt * caution * (row + extra[i])
         if ball:
-            to_torque(phi, effort, force[3 * i : 3 * i + 3])
+            to_torque(phi, effort, force[width * i : width * i + 3])
         else:
             force[i] = effort[0]
     for i in range(width * n):
@@ -191,22 +203,22 @@ def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def drive_arms(laws, arms, axes, p, moments, plain, dt, qpos, force, damping):  # type: ignore[no-untyped-def]
+def drive_arms(laws, arms, axes, reaches, p, moments, plain, dt, qpos, force, damping):  # type: ignore[no-untyped-def]
     """`drive` of all arms of a scene, which have no law terms, in one call.
 
     Args:
         laws: those of all joints, arm after arm; the actuators' signs are common.
-        arms: (m, 6) int64: first and last (exclusive) joint, first coordinate, first dof, whether balls, column of
-            the main axis.
-        axes: (m, 3) as in `drive`.
+        arms: (m, 6) int64: first and last (exclusive) joint, first coordinate, first dof, how many coordinates a joint
+            has (3 and 4: balls), column of the main axis.
+        axes, reaches: (m, 3) and (m,) as in `drive`.
         p, moments: (m, k) and (m,): values of the actuators and end moment of each arm.
         qpos, force, damping: of the whole model; velocities matter to law terms only.
     """
     addresses, spans, parameters, signs, drives, less = laws
     terms = (np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty(0), 0)
     for k in range(len(arms)):
-        first, last, at, dof, ball = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3], arms[k, 4] > 0
-        n, a = last - first, 3 if ball else 1
+        first, last, at, dof, a = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3], arms[k, 4]
+        n, ball = last - first, a > 1
         own = (
             addresses[first:last],
             spans[first:last],
@@ -216,15 +228,24 @@ def drive_arms(laws, arms, axes, p, moments, plain, dt, qpos, force, damping):  
             less[first:last],
         )
         dofs = slice(dof, dof + a * n)
-        views = (qpos[at : at + (4 if ball else 1) * n], force[dofs], force[dofs], damping[dofs])
+        views = (qpos[at : at + (a + 1 if ball else 1) * n], force[dofs], force[dofs], damping[dofs])
         now, still = (p[k], moments[k], 0.0), (np.zeros((n, a)), np.zeros(0))
-        drive(own, terms, (ball, axes[k], arms[k, 5]), views, now, (dt, plain, 1.0), np.zeros(n), still)
+        drive(
+            own,
+            terms,
+            (ball, axes[k], arms[k, 5], reaches[k]),
+            views,
+            now,
+            (dt, plain, 1.0),
+            np.zeros(n),
+            still,
+        )
 
 
 @njit(cache=True, nogil=True)
 def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-untyped-def]
     """Brings the memory to the end of a step that ended at qpos; arguments as in `drive`."""
-    ball, axes, _ = joints
+    ball, axes, _, _ = joints
     p, _, temperature = inputs
     before, states = memory
     n, a = before.shape

@@ -229,7 +229,7 @@ class MujocoSimulation(DynamicSimulation):
                 options = (step_s, config.joint_damping, math.exp(-config.drag_1_s * step_s))
                 record = (coordinates[here], seen[here] if places else seen)
                 move(*compiled, inputs, counts[here], options, (before, states.reshape(-1)), record)
-        q = joints.coordinates(coordinates.reshape(t, -1, 4) if joints.ball else coordinates)
+        q = joints.coordinates(coordinates.reshape(t, -1, joints.width) if joints.ball else coordinates)
         return q, seen, TermMemory(before, states, temperature_c=float(samples.temperature[-1]))
 
     def _complain(self, where: str) -> None:
@@ -265,7 +265,7 @@ class Mujoco(PhysicsBackend):
     """MuJoCo with its `discrete` integrator, which takes the laws' slopes implicitly."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"),
+        ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=True,
         internal_states=True,
         batch=True,

@@ -1,7 +1,7 @@
 """The joints of one chain inside a MuJoCo model: coordinates in and out, efforts of the laws at the dofs.
 
 A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to
-φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates.
+φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates. An extensible joint is a ball and a slide.
 
 Law terms see rate and memory, T(u) = τ(u, (u − q)/h, …), and are taken at the end of the step. Linearised where
 the velocity leads, u* = q + h v:  T(q + h v⁺) ≈ T(u*) − K h (v⁺ − v),  K = −dT/du there, in which a rate's slope is
@@ -30,6 +30,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.laws import CompiledLaws, compiled_terms
 from pliant_plugins.physics.compiled.motion import drive, remember
+from pliant_plugins.physics.mujoco.mjcf import JOINT_TYPES
 
 NOT_NEEDED = np.empty(0)
 
@@ -47,20 +48,27 @@ class ChainJoints:
     ) -> None:
         self.statics = statics
         self._geometry = statics.geometry
-        self.ball = self._geometry.kind == "spherical"
+        self.ball, self._slides = (
+            JOINT_TYPES[self._geometry.kind][0] == "ball",
+            self._geometry.slide is not None,
+        )
+        self.n_axes = a = len(chain.axes)
         self.model, self._data = model, data
         self.base, self.tip = model.body(f"{prefix}base").id, model.body(f"{prefix}tip").id
         n, first = chain.n_joints, int(model.body_jntadr[self.base + 1])
         self.n_joints, self.main = n, statics.geometry.main
         self.coordinate, self.dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
-        dofs = slice(self.dof, self.dof + n * (3 if self.ball else 1))
-        self._qpos = data.qpos[self.coordinate : self.coordinate + n * (4 if self.ball else 1)]
+        self.width = a + 1 if self.ball else a  # coordinates of a joint: a quaternion has one more
+        dofs = slice(self.dof, self.dof + n * a)
+        self._qpos = data.qpos[self.coordinate : self.coordinate + n * self.width]
         self._qvel, self._applied = data.qvel[dofs], data.qfrc_applied[dofs]
         self._damping = model.dof_damping[dofs]
         if self.ball:
-            self._qpos, self._qvel = self._qpos.reshape(n, 4), self._qvel.reshape(n, 3)
-            self._applied, self._damping = self._applied.reshape(n, 3), self._damping.reshape(n, 3)
-        self.layout = (self.ball, np.resize(np.argmax(self._geometry.basis, axis=0), 3), self.main)
+            self._qpos, self._qvel = self._qpos.reshape(n, self.width), self._qvel.reshape(n, a)
+            self._applied, self._damping = self._applied.reshape(n, a), self._damping.reshape(n, a)
+        self._reach = self._geometry.relative_reach
+        axes = np.resize(np.argmax(self._geometry.basis, axis=0), 3)
+        self.layout = (self.ball, axes, self.main, float(self._reach[-1]))
         # Compiled forms, None where a law or a term has none.
         compiled = CompiledLaws.of(chain)
         self.laws = None if compiled is None else compiled.arrays
@@ -77,26 +85,35 @@ class ChainJoints:
         return self.coordinates(self._qpos)
 
     def coordinates(self, qpos: Array) -> Array:
-        """(…, n, a) joint coordinates of MuJoCo's own (…, n), of balls (…, n, 4)."""
+        """(…, n, a) joint coordinates of MuJoCo's own (…, n), of balls (…, n, 4), with a slide (…, n, 5)."""
         if not self.ball:
             return qpos[..., None].copy()
-        return np.asarray(vector_of_quaternion(qpos) @ self._geometry.basis)
+        q = np.asarray(vector_of_quaternion(qpos[..., :4]) @ self._geometry.basis)
+        return self._with_slide(q, qpos[..., -1])
+
+    def _with_slide(self, values: Array, slides: Array) -> Array:
+        """The values with `slides` (…) in their last column, that of the extension, where there is one."""
+        if self._slides:
+            values[..., -1] = slides
+        return values
 
     @property
     def rates(self) -> Array:
         """(n, a) rates dq/dt of the joint coordinates."""
         if not self.ball:
             return self._qvel.reshape(-1, 1).copy()
-        inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos))
-        rates: Array = np.einsum("nij,nj->ni", inverse, self._qvel)
-        return rates @ self._geometry.basis
+        inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos[:, :4]))
+        rates: Array = np.einsum("nij,nj->ni", inverse, self._qvel[:, :3])
+        return self._with_slide(rates @ self._geometry.basis, self._qvel[:, -1])
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
         if self.ball:
             phi, phi_rate = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            self._qpos[:] = quaternion_of_vector(phi)
-            self._qvel[:] = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rate)
+            self._with_slide(self._qpos, q[:, -1])[:, :4] = quaternion_of_vector(phi)
+            self._with_slide(self._qvel, rates[:, -1])[:, :3] = np.einsum(
+                "nij,nj->ni", right_jacobian(phi), phi_rate
+            )
         else:
             self._qpos[:], self._qvel[:] = q.ravel(), rates.ravel()
 
@@ -143,14 +160,19 @@ class ChainJoints:
         if timed:
             q = q + step_s * self.rates
         effort = self.statics.efforts.evaluate(q, loads.actuation, loads.memory)
-        slopes = np.abs(0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))).sum(axis=2)
-        implicit = step_s * caution * (slopes + extra[:, None])
+        slopes = np.abs(0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1)))
+        slopes = (slopes * self._reach).sum(axis=2) / self._reach
+        implicit = step_s * caution * (slopes + extra[:, None] / self._reach**2)
         force = effort.tau
         force[:, self.main] -= loads.moment_n_m
         if self.ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
-            force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(force))
-            implicit = implicit @ self._geometry.basis.T
+            slide, basis = force[:, -1], self._geometry.basis
+            torque = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(force))
+            force, held = np.empty(self._applied.shape), np.empty(self._applied.shape)
+            self._with_slide(force, slide)[:, :3] = torque
+            self._with_slide(held, implicit[:, -1])[:, :3] = implicit @ basis.T
+            implicit = held
         force, implicit = force.reshape(self._applied.shape), implicit.reshape(self._damping.shape)
         self._applied[:] = force + implicit * self._qvel if timed else force
         self._damping[:] = damping + implicit

@@ -25,7 +25,13 @@ from pliant.records.scene import Part, Scene
 from pliant.records.shape import Shape
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 
-JOINT_TYPES = {"revolute": "hinge", "spherical": "ball", "prismatic": "slide"}
+# Joints of one body act in their order: an extensible one turns, then slides along its own x.
+JOINT_TYPES = {
+    "revolute": ("hinge",),
+    "spherical": ("ball",),
+    "prismatic": ("slide",),
+    "extensible": ("ball", "slide"),
+}
 # A moving body must have inertia: these floors keep the mass matrix regular. A body without mass is also
 # freed from gravity, so that its floor weighs nothing.
 MASS_FLOOR_KG = 1e-9
@@ -58,9 +64,10 @@ def add_chain(parent: Element, chain: ChainModel, prefix: str = "") -> tuple[Ele
     for i in range(chain.n_joints):
         body = add_body(bodies[-1], f"{prefix}body_{i + 1}", geometry.offsets[i], geometry.rest_rotations[i])
         add_inertia(body, chain.bodies[i + 1])
-        joint = SubElement(body, "joint", type=JOINT_TYPES[geometry.kind])
-        if geometry.kind != "spherical":
-            joint.set("axis", text(geometry.basis[:, 0]))
+        for kind in JOINT_TYPES[geometry.kind]:
+            joint = SubElement(body, "joint", type=kind)
+            if kind != "ball":
+                joint.set("axis", text(geometry.basis[:, 0]))
         bodies.append(body)
     tip = SubElement(bodies[-1], "body", name=f"{prefix}tip", pos=text(chain.tip_offset_m))
     SubElement(tip, "inertial", pos="0 0 0", mass=repr(float(chain.payload_kg)), diaginertia="0 0 0")

@@ -21,6 +21,7 @@ from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matri
 from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.law import travels
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Contact, Scene, SceneState
 from pliant.records.shape import Shape
@@ -70,15 +71,19 @@ class MujocoScene(ArmsScene):
         self._laws = _joined(self._arms)
         ends = np.cumsum([0, *(arm.n_joints for arm in self._arms)])
         of_arm = enumerate(self._arms)
-        table = [[*ends[k : k + 2], arm.coordinate, arm.dof, arm.ball, arm.main] for k, arm in of_arm]
+        table = [
+            [*ends[k : k + 2], arm.coordinate, arm.dof, len(arm.statics.geometry.axes), arm.main]
+            for k, arm in of_arm
+        ]
         axes = np.array([arm.layout[1] for arm in self._arms], np.int64).reshape(-1, 3)
-        self._table = (np.array(table, np.int64).reshape(-1, 6), axes)
+        reach = np.array([arm.layout[3] for arm in self._arms])
+        self._table = (np.array(table, np.int64).reshape(-1, 6), axes, reach)
         self._take()
         self._parts = {model.geom(geom.name).id: geom.part for geom in geoms}
         self._bodies = np.full(model.ngeom, FLOOR)
         for geom, part in self._parts.items():
             self._bodies[geom] = {"arm": ARM, "floor": FLOOR}.get(part.kind, part.number)
-        reaches = [np.repeat(_reaches(chain), len(chain.axes)) for chain in self._chains]
+        reaches = [_reaches(chain) for chain in self._chains]
         self._reaches = np.concatenate([np.ones(CARRIAGE_DOFS), *reaches])
         self._extents = np.array([_extent(free.shapes) for free in scene.objects])
         first = model.nv - OBJECT_DOFS * len(scene.objects)
@@ -281,10 +286,8 @@ def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
 
 
 def _reaches(chain: ChainModel) -> Array:
-    """(n,) how far the farthest point beyond each joint is from it at most; 1 for prismatic joints."""
-    n = chain.n_joints
-    if chain.laws[0].joint == "prismatic":
-        return np.ones(n)
+    """(n·a,) how fast a point beyond each joint moves at most at a rate of 1; links as long as at rest."""
+    n, along = chain.n_joints, np.array(travels(chain.laws[0].joint, chain.axes))
     links = np.array([np.linalg.norm(joint.offset_m) for joint in chain.joints[1:]] + [0.0])
     own = [float(np.linalg.norm(chain.tip_offset_m)) if i == n - 1 else 0.0 for i in range(n)]
     if chain.shapes:
@@ -294,7 +297,7 @@ def _reaches(chain: ChainModel) -> Array:
     for i in range(n - 1, -1, -1):
         beyond = max(own[i], links[i] + beyond)
         reaches[i] = beyond
-    return reaches
+    return np.where(along, 1.0, reaches[:, None]).ravel()
 
 
 def _extent(shapes: Sequence[Shape]) -> float:
