@@ -267,18 +267,25 @@ class Jointed(Protocol):
 
     @property
     def joint(self) -> str:
-        """Kind of the joint: "revolute", "spherical" or "prismatic"."""
+        """Kind of the joint: "revolute", "spherical", "prismatic" or "extensible"."""
         ...
 
 
-def deformation_unit(law: Jointed) -> Unit:
-    """Display unit of a joint coordinate."""
-    return display_unit("m" if law.joint == "prismatic" else "rad")
+def slides(law: Jointed, axis: str = "") -> bool:
+    """Whether a joint, or the named axis of one that turns and travels, is a travel."""
+    from pliant.records.law import travels  # numpy takes a tenth of a second
+
+    return any(travels(law.joint, (axis,)))
 
 
-def effort_unit(law: Jointed) -> Unit:
-    """Display unit of a joint's effort."""
-    return display_unit("N" if law.joint == "prismatic" else "N*m")
+def deformation_unit(law: Jointed, axis: str = "") -> Unit:
+    """Display unit of a joint coordinate; of a joint that turns and travels, of the named axis."""
+    return display_unit("m" if slides(law, axis) else "rad")
+
+
+def effort_unit(law: Jointed, axis: str = "") -> Unit:
+    """Display unit of a joint's effort; of a joint that turns and travels, of the named axis."""
+    return display_unit("N" if slides(law, axis) else "N*m")
 
 
 def stress_unit(largest_pa: float) -> Unit:

@@ -1,6 +1,7 @@
 """Numbers, quantities and display units for people: one module, one table of units."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -104,3 +105,18 @@ def test_a_display_unit_changes_in_one_place(monkeypatch):
 def test_a_page_is_made_anew_when_the_formatting_changes_and_a_solved_state_is_not():
     assert "pliant.formatting" not in code_closure(["pliant.report.fit_page"])
     assert "pliant.formatting" in code_closure(["pliant.report.fit_page", "pliant.formatting"])
+
+
+@pytest.mark.parametrize(
+    ("joint", "axis", "units"),
+    [
+        ("revolute", "", ("°", "mN·m")),
+        ("prismatic", "", ("mm", "N")),
+        ("extensible", "y", ("°", "mN·m")),
+        ("extensible", "e", ("mm", "N")),
+    ],
+)
+def test_the_travel_of_a_joint_that_turns_has_units_of_its_own(joint, axis, units):
+    law = SimpleNamespace(joint=joint)
+    found = formatting.deformation_unit(law, axis), formatting.effort_unit(law, axis)
+    assert tuple(unit.symbol for unit in found) == units

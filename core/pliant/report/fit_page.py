@@ -217,7 +217,7 @@ def _map_panel(
 ) -> None:
     data, k = fitted.data, missed.axes.index(name)
     part = missed.rows(missed.axis == k)
-    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data, name)
     x = data.deformation[part.state, data.axes.index(name)] * u_unit.factor
     y = data.actuation[part.state] * p_unit.factor
     share = 100 * np.maximum(part.share, LOWEST)
@@ -271,10 +271,11 @@ FLAT = 0.02  # of the largest slope: less than that across the box is shown as o
 def slope_map(fitted: ReportedLaw) -> style.Png:
     """One panel for each axis that was explored."""
     law, data, names = fitted.law, fitted.data, fitted.explored
-    p_unit, u_unit, unit = actuation_unit(law.actuation_name), deformation_unit(law), slope_unit(law)
+    p_unit = actuation_unit(law.actuation_name)
     with style.canvas(1000 if len(names) == 1 else 1560, 600, wspace=0.03) as figure:
         grid = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(grid, names, strict=True):
+            u_unit, unit = deformation_unit(law, name), slope_unit(law, name)
             p, u, slopes = slope_grid(law, name)
             x, y, shown = u * u_unit.factor, p * p_unit.factor, unit.factor * slopes
             mesh = axes.contourf(x, y, shown, _levels(shown), cmap=style.pressure_map().reversed())

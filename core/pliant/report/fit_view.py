@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import Unit, effort_unit
+from pliant.formatting import Unit, effort_unit, slides
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.residuals import Residuals
@@ -196,10 +196,10 @@ def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
     return p, u, slopes.reshape(P.shape)
 
 
-def slope_unit(law: JointLaw) -> Unit:
+def slope_unit(law: JointLaw, axis: str = "") -> Unit:
     """Display unit of ∂τ/∂u: that of the effort per SI unit of u."""
-    effort = effort_unit(law)
-    return Unit(f"{effort.symbol}/{'m' if law.joint == 'prismatic' else 'rad'}", effort.factor)
+    effort = effort_unit(law, axis)
+    return Unit(f"{effort.symbol}/{'m' if slides(law, axis) else 'rad'}", effort.factor)
 
 
 def least_stable(law: JointLaw, count: int = 4000) -> float:

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent, slides
 from pliant.records.fem import TRUSTED, FemDataset, ModuleData
 from pliant.report.fem_view import axis_record, explored_kinds, foretold_axes, solved_rows
 from pliant.report.figures import style
@@ -65,10 +65,10 @@ def actuation_words(data: ModuleData | FemDataset) -> str:
 
 def coordinate_words(data: ModuleData | FemDataset, axis: str) -> str:
     """The joint coordinate with its unit, for an axis label."""
-    unit = deformation_unit(data)
-    if data.joint == "prismatic":
-        return f"extension $u$ ({unit.symbol})"
+    unit = deformation_unit(data, axis)
     several = len(getattr(data, "axes", ())) > 1
+    if slides(data, axis):
+        return f"extension $u_{axis}$ ({unit.symbol})" if several else f"extension $u$ ({unit.symbol})"
     return (
         f"joint angle $u_{axis}$ about {axis} ({unit.symbol})"
         if several
@@ -96,7 +96,7 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
 def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     """τ over u of one axis, with lines between states of one actuation, and failed states at the foot."""
     one = data.axis(name)
-    u_unit, effort = deformation_unit(data), effort_unit(data)
+    u_unit, effort = deformation_unit(data, name), effort_unit(data, name)
     x, y = one.angle_rad * u_unit.factor, one.moment_n_m * effort.factor
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     colours = style.pressure_map()
@@ -121,7 +121,8 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     )
     style.with_math(axes)
     follows = f"{data.main_axis} follows freely" if name != data.main_axis else "the others at zero"
-    axes.set_title(f"Held about {name}; {follows}" if several else "Held: the effort that opposes actuation")
+    held = f"Held {'along' if slides(data, name) else 'about'} {name}; {follows}"
+    axes.set_title(held if several else "Held: the effort that opposes actuation")
 
 
 def state_points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, many: bool = False) -> None:
@@ -170,7 +171,7 @@ def sampling_picture(data: ModuleData) -> style.Png:
 def _plane(axes: Any, data: ModuleData, name: str) -> None:
     """Where the states lie; those chosen one by one carry their number."""
     one = data.axis(name)
-    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data, name)
     x, y = one.angle_rad * u_unit.factor, one.actuation * p_unit.factor
     groups = Groups.of(one)
     fit, check, lost = groups.fit, groups.check, groups.untrusted
