@@ -262,6 +262,9 @@ def actuation_unit(name: str) -> Unit:
     return display_unit("N" if name.endswith("_n") else "Pa")
 
 
+TRAVEL = "e"  # the axis of `records.law.EXTENSION`, which this room may not import
+
+
 class Jointed(Protocol):
     """A law, or data, of a joint."""
 
@@ -273,9 +276,7 @@ class Jointed(Protocol):
 
 def slides(law: Jointed, axis: str = "") -> bool:
     """Whether a joint, or the named axis of one that turns and travels, is a travel."""
-    from pliant.records.law import travels  # numpy takes a tenth of a second
-
-    return any(travels(law.joint, (axis,)))
+    return law.joint == "prismatic" or axis == TRAVEL
 
 
 def deformation_unit(law: Jointed, axis: str = "") -> Unit:

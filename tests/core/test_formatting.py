@@ -20,6 +20,7 @@ from pliant.formatting import (
     whole_percent,
     with_sd,
 )
+from pliant.records.law import EXTENSION
 from pliant.store.fingerprint import code_closure
 
 NAN = math.nan
@@ -120,3 +121,7 @@ def test_the_travel_of_a_joint_that_turns_has_units_of_its_own(joint, axis, unit
     law = SimpleNamespace(joint=joint)
     found = formatting.deformation_unit(law, axis), formatting.effort_unit(law, axis)
     assert tuple(unit.symbol for unit in found) == units
+
+
+def test_the_axis_of_a_travel_has_one_name():
+    assert formatting.TRAVEL == EXTENSION
