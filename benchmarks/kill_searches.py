@@ -6,8 +6,9 @@ runs again; where it is complete before all kills are spent, an empty store begi
 whose engine here writes a line for each candidate that it loads:
 
 - saved: what the journal in the store holds when the kill has come;
-- evaluated twice: a saved candidate that was loaded again beyond what an undisturbed search does (its winner is
-  simulated once more). There must be none; of a generation that was open, some may be, and are counted apart;
+- evaluated twice: a saved candidate that was loaded again. There must be none; of a generation that was open, some
+  may be, and are counted apart, and so are the looks at the winner, which each call that ends simulates anew
+  for its report;
 - another answer: a round whose result differs from the undisturbed one in any number. There must be none.
 
 A diagnosis keeps nothing on its way, so that only its answers and its store are looked at. Prints the figures and
@@ -26,7 +27,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,7 @@ class Count:
     candidates_begun: int = 0
     saved_at_kills: int = 0
     of_open_generations_again: int = 0
+    looks_at_the_winner: int = 0
     saved_and_evaluated_twice: int = 0
     artifacts: int = 0
     damaged: int = 0
@@ -72,13 +74,15 @@ class Killing:
 
     def __init__(self, command: Sequence[str], folder: Path, seed: int) -> None:
         self.command, self.folder, self.random = list(command), folder, random.Random(seed)
-        self.log, self.count = folder / "loaded.log", Count()
+        self.log, self.count, self._winner = folder / "loaded.log", Count(), ""
 
     def run(self, kills: int) -> Count:
         """All kills; every round goes on to its end, and its answer is compared with an undisturbed one."""
         begun = time.monotonic()
         wanted = self._finished("whole")
         whole_s, once = time.monotonic() - begun, Counter(self._loaded())
+        if best := wanted.get("best"):
+            self._winner = _named(best["values"])
         while self.count.kills < kills:
             store = f"killed{self.count.rounds}"
             self.log.unlink(missing_ok=True)
@@ -149,7 +153,7 @@ class Killing:
         """Candidates that the store's journals hold."""
         folders = {file.parent for file in (self.folder / store).rglob("branch-0000.jsonl")}
         found = {
-            name_of(float(trial.values["chain.module_length"]), float(trial.values["task.pressure"]))
+            _named(trial.values)
             for folder in folders
             for generation in Journal(folder, "branch-0000").read()
             for trial in generation.trials
@@ -165,7 +169,9 @@ class Killing:
         for last, then in ends:
             for candidate in loaded[first:last]:
                 begun[candidate] += 1
-                if begun[candidate] > once[candidate]:
+                if candidate == self._winner:
+                    self.count.looks_at_the_winner += 1
+                elif begun[candidate] > once[candidate]:
                     self.count.saved_and_evaluated_twice += candidate in known
                     self.count.of_open_generations_again += candidate not in known
             first, known = last, known | then
@@ -179,6 +185,10 @@ class Killing:
         found = json.loads(done.stdout)
         self.count.artifacts += found["artifacts"]
         self.count.damaged += len(found["damaged"])
+
+
+def _named(values: Mapping[str, Any]) -> str:
+    return name_of(float(values["chain.module_length"]), float(values["task.pressure"]))
 
 
 def main() -> int:
