@@ -6,6 +6,8 @@ import os
 import time
 from typing import Literal
 
+from benchmarks.solved_log import note
+
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant.registry.component import Component
@@ -31,7 +33,7 @@ class Counted(Quasistatic):
         load = simulation.apply
 
         def logged(inputs: Inputs) -> None:
-            _line(f"begin {os.getpid()} {name_of(chain.joints[-1].offset_m[0], *inputs.actuation.values())}")
+            note(f"begin {os.getpid()} {name_of(chain.joints[-1].offset_m[0], *inputs.actuation.values())}")
             load(inputs)
             time.sleep(DELAY_S)
 
@@ -42,12 +44,6 @@ class Counted(Quasistatic):
 def name_of(length_m: float, pressure_pa: float) -> str:
     """A candidate of the search, by its module's length and its pressure."""
     return f"{length_m:.9g}/{pressure_pa:.9g}"
-
-
-def _line(text: str) -> None:
-    handle = os.open(os.environ["SPRINGS_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    os.write(handle, f"{text}\n".encode())
-    os.close(handle)
 
 
 @hookimpl

@@ -15,10 +15,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from playwright.sync_api import sync_playwright
 from tests.app.conftest import STUDY
-from tests.app.page_user import PageUser
-from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, started
+from tests.app.page_user import READY, PageUser, opened
 
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
@@ -68,21 +66,9 @@ def first_screen() -> list[float]:
             folder = Path(text)
             (folder / "bench.csv").write_text(recording(round(DROPPED_MB * 1e6 / BYTES_OF_READING)))
             (folder / "bend.yaml").write_text(STUDY)
-            server, address = started(folder / "session", folder / "store")
-            try:
-                with sync_playwright() as driver:
-                    browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-                    page = browser.new_page(viewport={"width": 1500, "height": 1150})
-                    page.goto(address)
-                    page.wait_for_selector("#begin:visible", timeout=LONG)
-                    page.wait_for_timeout(SEARCHED_MS)
-                    seconds.append(
-                        round(PageUser(page).drop([folder / "bench.csv", folder / "bend.yaml"]), 2)
-                    )
-                    browser.close()
-            finally:
-                server.terminate()
-                server.wait()
+            with opened(folder / "session", folder / "store") as (page, _):
+                page.wait_for_timeout(SEARCHED_MS)
+                seconds.append(round(PageUser(page).drop([folder / "bench.csv", folder / "bend.yaml"]), 2))
     return seconds
 
 
@@ -96,18 +82,8 @@ def _timed(desk: Desk, folder: Path, begun: dict[str, float]) -> dict[str, float
         desk.preview((one,), parts)
         wall.append(1e3 * (time.perf_counter() - at))
         cpu.append(1e3 * (time.process_time() - busy))
-    server, address = started(folder / "session", folder / "store")
-    try:
-        with sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-            page = browser.new_page(viewport={"width": 1500, "height": 1150})
-            page.goto(address)
-            page.wait_for_selector("body[data-ready]", timeout=LONG)
-            drawn = [page.evaluate("e => pliantRedraw(e)", [one]) for one in values]
-            browser.close()
-    finally:
-        server.terminate()
-        server.wait()
+    with opened(folder / "session", folder / "store", READY) as (page, _):
+        drawn = [page.evaluate("e => pliantRedraw(e)", [one]) for one in values]
     return {
         "redrawn_median": round(float(np.median(drawn)), 1),
         "redrawn_95": round(float(np.percentile(drawn, 95)), 1),

@@ -16,10 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.output import parser_of, write
-from playwright.sync_api import sync_playwright
 from tests.app.conftest import STUDY, recording
-from tests.app.page_user import PageUser
-from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, started
+from tests.app.page_user import PageUser, opened
 
 EFFECT = "actuation_gain"
 MOVES = 20  # of a slider in a round
@@ -70,28 +68,18 @@ def main() -> None:
         folder = Path(text)
         (folder / "bench.csv").write_text(recording())
         (folder / "bend.yaml").write_text(STUDY)
-        server, address = started(folder / "session", folder / "store")
-        try:
-            with sync_playwright() as driver:
-                browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-                page = browser.new_page(viewport={"width": 1500, "height": 1150})
-                session = page.context.new_cdp_session(page)
-                session.send("Performance.enable")
-                page.goto(address)
-                page.wait_for_selector("#begin:visible", timeout=LONG)
-                user = PageUser(page)
-                user.drop([folder / "bench.csv", folder / "bend.yaml"])
-                began, rounds = time.monotonic(), 0
-                while len(rows) < given.minutes + 1:
-                    if time.monotonic() - began >= 60 * len(rows):
-                        rows.append({"rounds": rounds, **used(page, session, server.pid)})
-                        print(json.dumps(rows[-1]), flush=True)
-                    round_of_use(user)
-                    rounds += 1
-                browser.close()
-        finally:
-            server.terminate()
-            server.wait()
+        with opened(folder / "session", folder / "store") as (page, server):
+            session = page.context.new_cdp_session(page)
+            session.send("Performance.enable")
+            user = PageUser(page)
+            user.drop([folder / "bench.csv", folder / "bend.yaml"])
+            began, rounds = time.monotonic(), 0
+            while len(rows) < given.minutes + 1:
+                if time.monotonic() - began >= 60 * len(rows):
+                    rows.append({"rounds": rounds, **used(page, session, server)})
+                    print(json.dumps(rows[-1]), flush=True)
+                round_of_use(user)
+                rounds += 1
     first, last = rows[min(1, len(rows) - 1)], rows[-1]
     growth = {f"{name}_growth": round(last[name] / first[name] - 1, 4) for name in first if name != "rounds"}
     write("page_memory", {"minutes": given.minutes, **growth, "rows": rows})

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.output import parser_of, write
-from tests.app.page_user import PageUser
-from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, playwright, started
+from tests.app.page_user import PageUser, opened
 
 from pliant import api
 from pliant.app.open_model import OpenModel
@@ -51,19 +50,8 @@ def on_the_page(csv: str, study: str, hidden: list[str], folder: Path, store: Pa
     dropped = [folder / "bench.csv", folder / "robot.yaml"]
     dropped[0].write_text(csv)
     dropped[1].write_text(study)
-    server, address = started(folder / "session", store)
-    try:
-        with playwright.sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-            page = browser.new_page(viewport={"width": 1500, "height": 1150})
-            page.goto(address)
-            page.wait_for_selector("#begin:visible", timeout=LONG)
-            found = story(PageUser(page), dropped, hidden, store)
-            browser.close()
-    finally:
-        server.terminate()
-        server.wait()
-    return found
+    with opened(folder / "session", store) as (page, _):
+        return story(PageUser(page), dropped, hidden, store)
 
 
 def story(user: PageUser, dropped: list[Path], hidden: list[str], store: Path) -> dict[str, Any]:

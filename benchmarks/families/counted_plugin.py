@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable
 from typing import Any, Literal
 
+from benchmarks.solved_log import note
+
 from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.component import Component
@@ -36,18 +38,12 @@ class Counted(Skfem):
 def _logged(solve: Callable[..., FemState], what: str) -> Callable[..., FemState]:
     def logged(*arguments: Any) -> FemState:
         target = ":".join(repr(a) for a in arguments if not isinstance(a, FemState))
-        _line(f"begin {os.getpid()} {what}:{target}")
+        note(f"begin {os.getpid()} {what}:{target}")
         state = solve(*arguments)
-        _line(f"end {os.getpid()} {what}:{target}")
+        note(f"end {os.getpid()} {what}:{target}")
         return state
 
     return logged
-
-
-def _line(text: str) -> None:
-    handle = os.open(os.environ["SPRINGS_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    os.write(handle, f"{text}\n".encode())
-    os.close(handle)
 
 
 @hookimpl

@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.app.test_in_the_browser import LONG
+from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, playwright, started
 
 MOST_ROUNDS = 3  # diagnoses that lead to a tick
 POLL = 100  # ms between two questions
 FALLS = 0.99  # of the left-out error: a user wants it below
+
+
+EMPTY, READY = "#begin:visible", "body[data-ready]"
+
+
+@contextmanager
+def opened(folder: Path, store: Path, until: str = EMPTY) -> Iterator[tuple[Any, int]]:
+    """The page of a session in a browser of its own, when the selector stands, and the server's process."""
+    server, address = started(folder, store)
+    try:
+        with playwright.sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+            page = browser.new_page(viewport={"width": 1500, "height": 1150})
+            page.goto(address)
+            page.wait_for_selector(until, timeout=LONG)
+            yield page, server.pid
+            browser.close()
+    finally:
+        server.terminate()
+        server.wait()
 
 
 @dataclass

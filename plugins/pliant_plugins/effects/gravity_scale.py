@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.kinematics import main_axis
 from pliant.units import Ratio
-from pliant_plugins.effects.scale import main_axis
 
 # Across the chain, in the plane of bending about the main axis, in a piece's frame.
 ACROSS = {"x": 1, "y": 2, "z": 1}
@@ -55,6 +55,6 @@ class GravityScale(Effect):
         chain = model.chain.with_(gravity_m_s2=self.config.factor * model.chain.gravity_m_s2)
         if self.config.aside:
             move = np.zeros(3)
-            move[ACROSS[chain.axes[main_axis(chain)]]] = self.config.aside * chain.length_m
+            move[ACROSS[chain.axes[main_axis(chain.axes)]]] = self.config.aside * chain.length_m
             chain = chain.with_(bodies=tuple(body.shifted(move) for body in chain.bodies))
         return model.with_(chain=chain)

@@ -28,11 +28,12 @@ import numpy as np
 from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.mechanics.inertia import mass_matrix
+from pliant.mechanics.kinematics import main_axis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
-from pliant_plugins.effects.scale import joint_stiffnesses, main_axis
+from pliant_plugins.effects.scale import joint_stiffnesses
 
 # ω Δt below which a swing is followed, and from which on it is damped out.
 RESOLVED, UNSEEN = 1.0, 3.0
@@ -97,7 +98,7 @@ def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
         UserError: the chain has no mass beyond its base, or a law that is not stiff at rest.
     """
     n, axes = chain.n_joints, chain.axes
-    main = main_axis(chain)
+    main = main_axis(chain.axes)
     mass = mass_matrix(chain, np.zeros((n, len(axes)))).reshape(n, len(axes), n, len(axes))[:, main, :, main]
     stiffness = joint_stiffnesses(chain)
     scale = np.sqrt(stiffness)

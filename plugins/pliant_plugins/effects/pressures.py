@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pliant.errors import ImpossibleEffectError
+from pliant.mechanics.kinematics import main_axis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
-from pliant_plugins.effects.scale import main_axis
 
 
 def needs_pressure(kind: str, chain: ChainModel) -> None:
@@ -33,7 +33,7 @@ def full_scale(chain: ChainModel) -> float:
     if all(map(math.isfinite, known)):
         return max(known)
     reach = 1.0 if chain.laws[0].joint != "prismatic" else chain.length_m / chain.n_joints
-    at, still = main_axis(chain), np.zeros((1, len(chain.axes)))
+    at, still = main_axis(chain.axes), np.zeros((1, len(chain.axes)))
     found = []
     for law in chain.laws:
         effort = law.evaluate(np.zeros(1), still)

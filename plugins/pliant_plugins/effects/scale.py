@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.mechanics.kinematics import main_axis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-
-MAIN_AXIS = "y"
-
-
-def main_axis(chain: ChainModel) -> int:
-    """Which of the chain's axes is the main one."""
-    return chain.axes.index(MAIN_AXIS) if MAIN_AXIS in chain.axes else 0
 
 
 def rest_stiffness(chain: ChainModel) -> float:
@@ -36,7 +30,7 @@ def joint_stiffnesses(chain: ChainModel) -> Array:
     Raises:
         UserError: one of them is not positive.
     """
-    at = main_axis(chain)
+    at = main_axis(chain.axes)
     still = np.zeros((1, len(chain.axes)))
     slopes = [-float(law.evaluate(law.unactuated(1), still).dtau_du[0, at, at]) for law in chain.laws]
     stiffness = chain.parts * np.array([slopes[joint.law] for joint in chain.joints])
