@@ -11,13 +11,29 @@
 """
 
 import sys
+import warnings
 from importlib import import_module
 from typing import Any
 
-from pliant.environments import register_environments
-
 __version__ = "0.1.0"
 __all__ = ["fit", "open", "read"]
+
+
+def register_environments() -> None:
+    """Call the functions that packages name under the entry point `pliant` of the group `gymnasium.envs`.
+
+    Gymnasium asks nobody for them, so `import pliant` does. Each registers its environments with gymnasium. One that
+    fails is a RuntimeWarning, the others go on.
+    """
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group="gymnasium.envs", name="pliant"):
+        try:
+            entry.load()()
+        except Exception as error:  # another package's code may fail in any way
+            origin = entry.dist.name if entry.dist else entry.value
+            warnings.warn(f"environments of {origin} are not there: {error}", RuntimeWarning, stacklevel=2)
+
 
 # `import gymnasium, pliant` makes gymnasium.make("pliant/Grasp-v0") work; without gymnasium it costs nothing.
 if "gymnasium" in sys.modules:

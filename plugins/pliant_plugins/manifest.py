@@ -401,7 +401,7 @@ def _optimizers() -> list[Component]:
         Component(
             interface="optimizer",
             kind="cmaes",
-            config=f"{HERE}.optimizers.cmaes.config:CmaesConfig",
+            config=f"{HERE}.optimizers.config:CmaesConfig",
             implementation=f"{HERE}.optimizers.cmaes.optimizer:Cmaes",
             summary="CMA-ES by pycma: one objective, some hundreds of candidates or more",
             requires=("cma",),
@@ -410,7 +410,7 @@ def _optimizers() -> list[Component]:
         Component(
             interface="optimizer",
             kind="optuna",
-            config=f"{HERE}.optimizers.optuna.config:OptunaConfig",
+            config=f"{HERE}.optimizers.config:OptunaConfig",
             implementation=f"{HERE}.optimizers.optuna.optimizer:Optuna",
             summary="Optuna's samplers (TPE, NSGA-II, Gaussian process, …), with its dashboard; several objectives",
             requires=("optuna",),
@@ -419,7 +419,7 @@ def _optimizers() -> list[Component]:
         Component(
             interface="optimizer",
             kind="ppo",
-            config=f"{HERE}.optimizers.ppo.config:PpoConfig",
+            config=f"{HERE}.optimizers.config:PpoConfig",
             implementation=f"{HERE}.optimizers.ppo.optimizer:Ppo",
             summary="PPO by stable-baselines3: learns which design suits which condition, from thousands of candidates",
             requires=("stable_baselines3", "torch", "tensorboard"),

@@ -239,7 +239,7 @@ def test_a_policy_of_the_optimizer_goes_on_in_the_environment(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    from pliant_plugins.optimizers.ppo.config import PpoConfig
+    from pliant_plugins.optimizers.config import PpoConfig
     from pliant_plugins.optimizers.ppo.optimizer import Ppo
 
     optimizer = Ppo(PpoConfig(tensorboard=False))

@@ -18,8 +18,8 @@ import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant_plugins.envs.baselines import Nominal, OpenLoop, score  # noqa: E402
 from pliant_plugins.envs.control import MeasuredEnv  # noqa: E402
 from pliant_plugins.envs.trained import FEATURES, Episode, LinearResidual, train  # noqa: E402
-from pliant_plugins.optimizers.cmaes.config import CmaesConfig  # noqa: E402
 from pliant_plugins.optimizers.cmaes.optimizer import Cmaes  # noqa: E402
+from pliant_plugins.optimizers.config import CmaesConfig  # noqa: E402
 
 NONE = np.zeros(len(FEATURES))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.pipeline.sampling.several import SeveralPlan
+from pliant.pipeline.sampling.strategies import SeveralPlan
 from pliant.registry.discovery import discover
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem

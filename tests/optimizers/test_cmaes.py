@@ -21,7 +21,7 @@ from tests.optimizers.optimizer_searches import (
 )
 
 from pliant.interfaces.optimizer import Space, Variable
-from pliant_plugins.optimizers.cmaes.config import CmaesConfig
+from pliant_plugins.optimizers.config import CmaesConfig
 
 pytest.importorskip("cma")
 

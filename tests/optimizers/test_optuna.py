@@ -32,7 +32,7 @@ from tests.optimizers.optimizer_searches import (
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Space, Variable
 from pliant.testing.optimizer import CORNER, IDEAL, TWO_ENDS, hypervolume, two_ends
-from pliant_plugins.optimizers.optuna.config import OptunaConfig
+from pliant_plugins.optimizers.config import OptunaConfig
 
 optuna = pytest.importorskip("optuna")
 from pliant_plugins.optimizers.optuna.optimizer import Optuna  # noqa: E402 - needs optuna

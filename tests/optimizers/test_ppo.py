@@ -21,7 +21,7 @@ pytest.importorskip("tensorboard")
 from pliant.errors import MissingDependencyError, UserError  # noqa: E402
 from pliant.interfaces.optimizer import Context, Space, Trial, Variable  # noqa: E402
 from pliant.registry.discovery import discover  # noqa: E402
-from pliant_plugins.optimizers.ppo.config import PpoConfig  # noqa: E402
+from pliant_plugins.optimizers.config import PpoConfig  # noqa: E402
 from pliant_plugins.optimizers.ppo.episode import action_of, context_of, observations_of, values_of  # noqa: E402
 from pliant_plugins.optimizers.ppo.optimizer import Ppo, Rewards  # noqa: E402
 from pliant_plugins.optimizers.ppo.policy import SavedPolicy  # noqa: E402

@@ -27,7 +27,7 @@ from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
-from pliant.report.charts.explained import explained_chart, hypotheses_chart
+from pliant.report.charts import explained_chart, hypotheses_chart
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (
     detectable_table,

@@ -11,7 +11,7 @@ from tests.report.pages import check_sound
 from tests.report.test_comparison_page import bench, falling_shift, page_of
 
 from pliant.report.document import Document, Section, Table, Warned, answers, drawn
-from pliant.report.figures import error_steps, style
+from pliant.report.figures import learning, style
 from pliant.report.improvement import improvement_document
 from pliant.report.render import page
 
@@ -57,7 +57,7 @@ def test_the_picture_of_an_improvement_holds_labels_only(creeping, monkeypatch):
         return np.zeros(1, np.uint8)
 
     monkeypatch.setattr(style, "png", kept)
-    error_steps.error_steps(creeping[2])
+    learning.error_steps(creeping[2])
     (figure,) = drawn_on
     texts = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
     assert max(len(text.split()) for text in texts) <= 8

@@ -222,7 +222,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.charts.explained import (  # matplotlib takes a second to import
+    from pliant.report.charts import (  # matplotlib takes a second to import
         explained_chart,
         hypotheses_chart,
     )

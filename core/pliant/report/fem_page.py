@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import JointLaw
-from pliant.report.charts.law import states_chart
+from pliant.report.charts import states_chart
 from pliant.report.document import (
     Cells,
     Drawn,

@@ -15,7 +15,7 @@ from pliant.mechanics.one_input import of_one_input
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import FitReport
-from pliant.report.charts.law import law_chart
+from pliant.report.charts import law_chart
 from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
 from pliant.report.figures import style
 from pliant.report.figures.error_bars import coverage_picture

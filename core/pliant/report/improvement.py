@@ -228,7 +228,7 @@ def steps_brief(found: Improvement) -> Table:
 
 
 def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
-    from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
+    from pliant.report.figures.learning import MOST_OUTPUTS, error_steps
 
     data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
     most = f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."

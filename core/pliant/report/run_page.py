@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
-from pliant.report.charts.law import law_chart
-from pliant.report.charts.pose import pose_chart
+from pliant.report.charts import law_chart, pose_chart
 from pliant.report.document import (
     Cells,
     Drawn,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.formatting import number, percent, seconds
 from pliant.report.chart import Chart
-from pliant.report.charts.search import front_chart, history_chart
+from pliant.report.charts import front_chart, history_chart
 from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, drawn, picture, section
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption

@@ -15,7 +15,6 @@ from pliant.errors import UserError, closest
 from pliant.records.actuation import is_known, joined, kind_of
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
-from pliant.tabular import fem_checks
 from pliant.tabular.cells import NOTHING, is_number
 from pliant.tabular.fem_columns import (
     ACTUATIONS,
@@ -26,6 +25,9 @@ from pliant.tabular.fem_columns import (
     WORDS,
     StateColumns,
     StateHeader,
+    check_actuation,
+    check_agreement,
+    check_slopes,
     is_data,
     place_of_slope,
     table_notes,
@@ -320,7 +322,7 @@ def _slope_problem(columns: Sequence[str], given: Sequence[str]) -> str:
 
 
 def _check_plausible(table: StateTable, p: Sequence[Array], of_one: Sequence[Array]) -> None:
-    """Raise `UserError` where states of one axis contradict what is plausible or each other (`fem_checks`).
+    """Raise `UserError` where states of one axis contradict what is plausible or each other.
 
     Args:
         p: values (n,) of each input.
@@ -329,13 +331,13 @@ def _check_plausible(table: StateTable, p: Sequence[Array], of_one: Sequence[Arr
     path, lines, inputs = table.path, table.lines, table.inputs
     u_name, effort_name, *slopes = table.names.of_one(len(inputs))
     for name, values in zip(inputs, p, strict=True):
-        fem_checks.check_actuation(path, name, values, table.header.stated, table.header.file)
+        check_actuation(path, name, values, table.header.stated, table.header.file)
     effort, places = (effort_name, of_one[1]), [*p, of_one[0]]
-    fem_checks.check_agreement(path, lines, list(zip([*inputs, u_name], places, strict=True)), effort)
+    check_agreement(path, lines, list(zip([*inputs, u_name], places, strict=True)), effort)
     for along in (len(inputs), *range(len(inputs))):
         slope = (slopes[-1], of_one[-1]) if along == len(inputs) else (slopes[along], of_one[2 + along])
         fixed = np.column_stack([one for d, one in enumerate(places) if d != along])
-        fem_checks.check_slopes(path, lines, places[along], fixed, effort, slope)
+        check_slopes(path, lines, places[along], fixed, effort, slope)
 
 
 def _of_axis(table: StateTable, wanted: str | None) -> tuple[str, StateTable]:

@@ -21,8 +21,8 @@ from pliant.execution.progress import Progress
 from pliant.interfaces.fem import LATERAL_CHECKS, LATERAL_FREE_LEVELS, FemConfig
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.pipeline.sampling.adaptive import Box, check_error, refine
-from pliant.pipeline.sampling.several import SeveralPlan
 from pliant.pipeline.sampling.strategies import (
+    SeveralPlan,
     box_of_angles,
     check_targets,
     free_actuations,

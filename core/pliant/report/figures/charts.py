@@ -30,7 +30,7 @@ def draw(axes: Any, panel: Panel, key: Mapping[str, str] = NOT_KEYED) -> None:
             axes.fill_between(line.x, 0, line.y, where=outside, **look)
 
 
-def level(x: Any, value: float) -> tuple[Any, Any]:
+def level_line(x: Any, value: float) -> tuple[Any, Any]:
     """Ends of a level stripe or line under readings at `x` (n,): where it begins and ends, and its value there."""
     known = np.asarray(x, float)[np.isfinite(x)]
     ends = np.array([known.min(), known.max()]) if len(known) else np.zeros(2)

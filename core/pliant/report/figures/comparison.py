@@ -186,7 +186,7 @@ def _loop_panels(
     floor = compared.comparison.outputs[output].noise_floor
     bands: tuple[Band, ...] = ()
     if np.isfinite(floor):
-        ends, half = charts.level(np.concatenate([line.x for line in errors]), 2 * floor * up.factor)
+        ends, half = charts.level_line(np.concatenate([line.x for line in errors]), 2 * floor * up.factor)
         bands = (Band("± 2 floors", ends, -half, half, "", LOOP_BAND),)
     x_axis, linked = ChartAxis(across.label, across.symbol), condition.name
     top = Panel(x_axis, ChartAxis(up.label, up.symbol), (*readings, *model), linked=linked)

@@ -14,8 +14,8 @@ import numpy as np
 
 from pliant.interfaces.optimizer import Optimizer, Space, Trial, Value, Variable
 from pliant.records.design import Array
-from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 from pliant_plugins.optimizers.cmaes.fitness import FAILED, ScoredTrial, fitness
+from pliant_plugins.optimizers.config import CmaesConfig
 
 NOT_ASKED = -1
 LEAST_CHOICE_STD = 0.1

@@ -20,7 +20,7 @@ from optuna.trial import FrozenTrial
 
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
-from pliant_plugins.optimizers.optuna.config import OptunaConfig
+from pliant_plugins.optimizers.config import OptunaConfig
 from pliant_plugins.optimizers.optuna.trials import CANDIDATE, TrialMemory, distributions, quiet, shown
 
 EXPORT = "optuna.log"

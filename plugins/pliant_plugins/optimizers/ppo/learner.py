@@ -16,7 +16,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from pliant.records.design import Array
-from pliant_plugins.optimizers.ppo.config import PpoConfig
+from pliant_plugins.optimizers.config import PpoConfig
 from pliant_plugins.optimizers.ppo.episode import Numbers, episode_spaces
 
 # What a draw is for; each has a sequence of its own.

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant.records.design import Array
 from pliant_plugins.native import load_torch
-from pliant_plugins.optimizers.ppo.config import PpoConfig
+from pliant_plugins.optimizers.config import PpoConfig
 from pliant_plugins.optimizers.ppo.episode import action_of, context_of, observations_of, values_of
 from pliant_plugins.optimizers.ppo.policy import write_policy
 

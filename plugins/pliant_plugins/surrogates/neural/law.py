@@ -11,8 +11,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
-from pliant_plugins.surrogates.neural.network import Network
-from pliant_plugins.surrogates.neural.scalar import network_effort, several_network_effort, shared
+from pliant_plugins.surrogates.neural.network import Network, network_effort, several_network_effort, shared
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 # The network is seen this far outside the box, in half-widths; halved until it is stable there.

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
+from pliant_plugins.surrogates.polynomial.kernel import several_effort
 from pliant_plugins.surrogates.polynomial.law import KIND
-from pliant_plugins.surrogates.polynomial.several_kernel import several_effort
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 FORM = "several actuations"
@@ -87,7 +87,7 @@ class SeveralLaw(JointLaw):
         return [powers(at[:, d], self.maps[d], self.exponents[:, d], bent=d >= m) for d in range(at.shape[1])]
 
     def scalar(self) -> ScalarLaw:
-        """The compiled form: see `several_kernel`."""
+        """The compiled form: see `several_effort`."""
         return ScalarLaw(several_effort, self._packed)
 
     @cached_property

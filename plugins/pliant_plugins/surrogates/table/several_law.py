@@ -21,7 +21,7 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.several_kernel import several_table_effort
+from pliant_plugins.surrogates.table.spline import several_table_effort
 
 FORM = "several actuations"
 KIND = "table"
@@ -86,7 +86,7 @@ class SeveralTableLaw(JointLaw):
         return self._area(table, np.zeros_like(u)) - self._area(table, u) - pushed
 
     def scalar(self) -> ScalarLaw:
-        """The compiled form: see `several_kernel`."""
+        """The compiled form: see `several_table_effort`."""
         header = [len(self.actuations), *self.coefficients.shape]
         parts = [self.domain.box, self.reach, self.gain, self.coefficients]
         return ScalarLaw(several_table_effort, np.concatenate([header, *map(np.ravel, parts)]).astype(float))

@@ -1,4 +1,4 @@
-"""Uniform cubic B-splines on [0, 1]: cell and weights of points, slopes, antiderivative.
+"""Uniform cubic B-splines on [0, 1]: cell and weights of points, slopes, antiderivative; the table laws for engines.
 
 On cell k of n, at t ∈ [0, 1], a spline is Σ_{m=0..3} w_m(t) c_{k+m}; it has n + 3 coefficients and is C²
 (de Boor, A Practical Guide to Splines, 1978).
@@ -156,3 +156,74 @@ def block(coefficients: Array, box: Array, reach: Array, reference_gain: Array) 
     """(HEADER + I·J,) parameters of one axis: coefficients (I, J), box (2, 2) of p and u."""
     limits = np.minimum(reach, UNBOUNDED)
     return np.concatenate([coefficients.shape, box.ravel(), limits, reference_gain, coefficients.ravel()])
+
+
+def several_table_effort(
+    actuation: Array, deformation: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array
+) -> None:
+    """The law of m actuations and one axis (`SeveralTableLaw`): fills tau (1,), dtau_dp (m,) and dtau_du (1, 1).
+
+    c: m; sizes of the table (m + 1,); box (m + 1, 2); reaches (m,); gains below and above (m, 2); the table.
+    """
+    m = int(c[0] + 0.5)
+    box = 2 + m
+    reaches = box + 2 * (m + 1)
+    gains = reaches + m
+    table = gains + 2 * m
+    # four weights and four slopes of each coordinate, then the first cell of each
+    work = np.empty(9 * (m + 1))
+    pushed = 0.0
+    for d in range(m):
+        low, high = c[box + 2 * d], c[box + 2 * d + 1]
+        excess = actuation[d] - min(max(actuation[d], low), high)
+        bent = math.tanh(excess / c[reaches + d])
+        outer = c[gains + 2 * d + (1 if excess > 0.0 else 0)]
+        away = c[reaches + d] * bent
+        _fill(actuation[d] - excess, away, low, high, int(c[1 + d] + 0.5) - 3, work, d, m)
+        pushed += (excess - away) * outer
+        rate = 1.0 - bent * bent
+        for w in range(4):  # by a, not by the bent a
+            work[8 * d + 4 + w] *= rate
+        dtau_dp[d] = (1.0 - rate) * outer
+    low, high = c[box + 2 * m], c[box + 2 * m + 1]
+    inside = min(max(deformation[0], low), high)
+    _fill(inside, deformation[0] - inside, low, high, int(c[1 + m] + 0.5) - 3, work, m, m)
+    tau[0] = pushed
+    dtau_du[0, 0] = 0.0
+    corners = 1
+    for _ in range(m):
+        corners *= 4
+    for corner in range(corners):
+        place, left = 0, corner
+        for d in range(m):
+            place = place * int(c[1 + d] + 0.5) + int(work[8 * (m + 1) + d]) + left % 4
+            left = left // 4
+        row = table + place * int(c[1 + m] + 0.5) + int(work[8 * (m + 1) + m])
+        value, steep = 0.0, 0.0
+        for w in range(4):
+            value += c[row + w] * work[8 * m + w]
+            steep += c[row + w] * work[8 * m + 4 + w]
+        for along in range(-1, m):
+            share, left = 1.0, corner
+            for d in range(m):
+                share *= work[8 * d + (4 if d == along else 0) + left % 4]
+                left = left // 4
+            if along < 0:
+                tau[0] += share * value
+                dtau_du[0, 0] += share * steep
+            else:
+                dtau_dp[along] += share * value
+
+
+def _fill(
+    inside: float, away: float, low: float, high: float, cells: int, work: Array, d: int, m: int
+) -> None:
+    """The four weights of coordinate d at a place `away` from the box's nearest, their slopes, and the first cell."""
+    x = (inside - low) / (high - low) * cells
+    cell = min(int(x), cells - 1)
+    scale = cells / (high - low)
+    for w in range(4):
+        slope = slope_weight(w, x - cell) * scale
+        work[8 * d + 4 + w] = slope
+        work[8 * d + w] = weight(w, x - cell) + away * slope
+    work[8 * (m + 1) + d] = 1.0 * cell

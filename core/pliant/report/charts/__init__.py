@@ -1,1 +1,0 @@
-"""Data of the pictures that move on a page, where the still one is drawn by other means."""
