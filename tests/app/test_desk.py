@@ -15,10 +15,10 @@ import pytest
 
 from pliant import api
 from pliant.app import work
-from pliant.app.curves import predicted_points
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
 from pliant.app.open_model import AnswerCache
+from pliant.app.showing import predicted_points
 from pliant.app.work import forms_of
 from pliant.diagnosis.extension import Ground, extend
 from pliant.diagnosis.test_split import lock

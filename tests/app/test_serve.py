@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="pip install 'pliant[app]'")
 
-from pliant.app.serve import _bound
+from pliant.app.server import _bound
 
 
 def test_small_packets_are_sent_at_once() -> None:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from pliant.report.figures.learned import learned as drawn
 from tests.diagnosis.bench_files import PRESSURE, bench, study
 from tests.diagnosis.quick import (
     BENCH,
@@ -30,9 +31,9 @@ from pliant.errors import UserError
 from pliant.evidence.places import residuals_of
 from pliant.measurements.repeats import repeat_groups
 from pliant.mechanics.learned_curve import basis
-from pliant.report.figures.learned import learned as drawn
 from pliant.report.improvement import improvement_json, summary
-from pliant.report.learned import learned_json, learned_section
+from pliant.report.learned import learned_section
+from pliant.report.learned_curve import learned_json
 
 KNOTS = np.linspace(0.0, PRESSURE, 25)
 

@@ -27,14 +27,13 @@ def test_importing_both_makes_the_names_known_and_a_broken_package_is_a_warning(
 import warnings
 import gymnasium, pliant
 print(*sorted(name for name in gymnasium.registry if name[:7] == "pliant/"))
-from importlib.metadata import EntryPoint
-from pliant import environments
-real = environments.entry_points
-broken = EntryPoint("pliant", "no.such.module:register", environments.GROUP)
-environments.entry_points = lambda **k: [broken, *real(**k)]
+import importlib.metadata as metadata
+real = metadata.entry_points
+broken = metadata.EntryPoint("pliant", "no.such.module:register", "gymnasium.envs")
+metadata.entry_points = lambda **k: [broken, *real(**k)]
 with warnings.catch_warnings(record=True) as heard:
     warnings.simplefilter("always")
-    environments.register_environments()
+    pliant.register_environments()
 print("pliant/TipLoad-v0" in gymnasium.registry, [str(w.message) for w in heard if "no.such" in str(w.message)])
 """
     names, after = run(code).splitlines()

@@ -14,7 +14,6 @@ from pydantic import ValidationError
 
 from pliant import __version__, api
 from pliant.app import describing, leaving, work
-from pliant.app.curves import curves, predicted_points
 from pliant.app.folder import SessionFolder, key_of
 from pliant.app.inbox import STUDIES, TABLES, checked_study
 from pliant.app.jobs import Bench, Job
@@ -22,7 +21,7 @@ from pliant.app.open_model import OpenModel
 from pliant.app.own_files import Watch
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
-from pliant.app.showing import recording, shown
+from pliant.app.showing import curves, predicted_points, recording, shown
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret

@@ -1,9 +1,16 @@
-"""What the page shows of a model and of recordings that no study reads, as JSON values."""
+"""What the page shows of a model and of recordings that no study reads: JSON values and the points of its pictures.
+
+Points are readings and circumstances, sample by sample, in display units.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import base64
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pliant import api
 from pliant.app import work
@@ -13,6 +20,11 @@ from pliant.app.page_state import PageState, PageStep
 from pliant.app.unseen_runs import doubts_by_hand
 from pliant.diagnosis.noise import NoiseView
 from pliant.errors import PliantError
+from pliant.evidence.covariates import Covariate, covariates
+from pliant.evidence.scores import run_words
+from pliant.formatting import display_unit, unit_of
+from pliant.records.design import Array
+from pliant.report.evidence_view import thin
 
 
 def shown(
@@ -91,4 +103,113 @@ def recording(data: Sequence[str]) -> dict[str, Any] | None:
             {"heading": one["heading"], "unit": one["unit"], "name": one["name"]}
             for one in document.data["columns"]
         ],
+    }
+
+
+MOST_POINTS = 9000  # of all runs together
+GAP = 0.04  # between two runs on the axis of time, of the mean length of a run
+
+
+def curves(model: OpenModel, predicted: Sequence[Mapping[str, Array]]) -> dict[str, Any]:
+    """What the pictures show beside the prediction.
+
+    Args:
+        model: what is open.
+        predicted: of any model, for what it expects as a circumstance.
+    """
+    runs, aside = model.measurement.runs, set(model.split.runs)
+    places = _places(model)
+    found = covariates(model.read, predicted)
+    words = run_words(found, len(runs))
+    clocks = [_clock(run.history.time_s, len(run)) for run in runs]
+    gap = GAP * float(np.mean([clock[-1] for clock in clocks if len(clock)] or [1.0]))
+    starts = np.cumsum([0.0, *(float(clock[-1]) + gap for clock in clocks)])
+    timed = all(run.history.time_s is not None for run in runs)
+    inputs = dict.fromkeys(name for run in runs for name in run.history.actuation)
+    return {
+        "runs": [
+            {
+                "name": run.name,
+                "words": ", ".join(said),
+                "aside": k in aside,
+                "off": run.name in model.off,
+                "points": len(at),
+                "samples": len(run),
+            }
+            for k, (run, said, at) in enumerate(zip(runs, words, places, strict=True))
+        ],
+        "time": _joined([c + s for c, s in zip(clocks, starts, strict=False)], places),
+        "time_label": f"time, runs one after another ({display_unit('s').symbol})" if timed else "sample",
+        "outputs": [
+            {
+                "name": name,
+                "label": unit_of(name).label,
+                "axis": unit_of(name).axis,
+                "unit": unit_of(name).symbol,
+                "measured": _joined([unit_of(name).factor * run.outputs[name] for run in runs], places),
+            }
+            for name in model.outputs
+        ],
+        "circumstances": [
+            *(_input(name, [run.input(name) for run in runs], places) for name in inputs),
+            *(_circumstance(item, places) for item in found.items if item.name not in inputs),
+        ],
+    }
+
+
+def predicted_points(model: OpenModel, predicted: Sequence[Mapping[str, Array]]) -> dict[str, str]:
+    """Of each output at the points that are shown, in its display unit: float32, little-endian, in base 64."""
+    places = _places(model)
+    found = {}
+    for name in model.outputs:
+        factor = unit_of(name).factor
+        values = [factor * run[name][at] for run, at in zip(predicted, places, strict=True)]
+        found[name] = base64.b64encode(np.concatenate(values).astype("<f4").tobytes()).decode()
+    return found
+
+
+def _places(model: OpenModel) -> list[NDArray[np.int64]]:
+    """Which samples of each run are shown."""
+    runs = model.measurement.runs
+    total = sum(map(len, runs))
+    share = min(1.0, MOST_POINTS / max(total, 1))
+    return [thin(len(run), max(int(share * len(run)), 2)) for run in runs]
+
+
+def _clock(time_s: Array | None, count: int) -> Array:
+    if time_s is None or not count:
+        return np.arange(float(count)) if count else np.zeros(1)
+    return np.asarray(display_unit("s").factor * (time_s - time_s[0]))
+
+
+def _joined(series: Sequence[Array], places: Sequence[NDArray[np.int64]]) -> list[float | None]:
+    """At the points shown, one run after another; what is missing is None."""
+    values = np.concatenate([np.asarray(v, float)[at] for v, at in zip(series, places, strict=True)])
+    short = np.array([float(f"{v:.6g}") for v in values])
+    return [v if np.isfinite(v) else None for v in short.tolist()]
+
+
+def _input(name: str, values: Sequence[Array], places: Sequence[NDArray[np.int64]]) -> dict[str, Any]:
+    unit = unit_of(name)
+    return {
+        "name": name,
+        "label": unit.label,
+        "axis": unit.axis,
+        "unit": unit.symbol,
+        "categories": [],
+        "drives": True,
+        "values": _joined([unit.factor * v for v in values], places),
+    }
+
+
+def _circumstance(item: Covariate, places: Sequence[NDArray[np.int64]]) -> dict[str, Any]:
+    factor = item.shown.factor if item.numeric else 1.0
+    return {
+        "name": item.name,
+        "label": item.shown.label,
+        "axis": item.shown.axis,
+        "unit": item.shown.symbol if item.numeric else "",
+        "categories": list(item.categories),
+        "drives": False,
+        "values": _joined([factor * v for v in item.values], places),
     }

@@ -37,7 +37,7 @@ def app(
     study, data = _sorted(files or [])
     from pliant.app.desk import Desk  # the extra
     from pliant.app.folder import SessionFolder
-    from pliant.app.serve import serve, session_folder
+    from pliant.app.server import serve, session_folder
 
     folder = SessionFolder(session_folder(study, out).absolute())
     check_writable(folder.path)

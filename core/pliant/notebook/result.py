@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pliant.errors import MissingDependencyError
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import StudyRun
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
 from pliant.report.document import Document, Table, brief
 from pliant.report.moving_picture import MovingPicture
 from pliant.report.render import fragment, page
@@ -132,3 +136,78 @@ class Result(Generic[Record]):
         made = page(self.document)
         Path(folder).mkdir(parents=True, exist_ok=True)
         return write_page(Path(folder), made.html, made.pictures, self.document.page)
+
+
+class Simulated(Result[StudyRun]):
+    """A simulated study; `tip`, `markers`, `metrics` and `joint_angles` are those of its first engine."""
+
+    @property
+    def _final(self) -> Any:
+        return self.record.engines[0].result
+
+    @property
+    def tip(self) -> Array:
+        """(3,) settled position of the tip in the world, m.
+
+        >>> finger.simulate().tip.round(3)
+        array([ 0.059,  0.   , -0.008])
+        """
+        return self._final.final.tip_m
+
+    @property
+    def markers(self) -> Array:
+        """(n + 2, 3) base, joints 1…n and tip in the world, m.
+
+        >>> finger.simulate().markers.shape
+        (10, 3)
+        """
+        return self._final.final.markers_m
+
+    @property
+    def joint_angles(self) -> Array:
+        """(n, a) joint coordinates, rad (m where the joint slides).
+
+        >>> float(finger.simulate().joint_angles[0, 0].round(4))
+        0.3597
+        """
+        return self._final.final.joint_angles
+
+    @property
+    def metrics(self) -> Mapping[str, Any]:
+        """What the task measured, SI, unit in the name.
+
+        >>> round(finger.simulate().metrics["bend_angle_rad"], 3)
+        2.878
+        """
+        return self._final.metrics
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the first design.
+
+        >>> finger.simulate().law.actuation_name
+        'pressure_pa'
+        """
+        return self.record.designs[0].law.law
+
+    @property
+    def converged(self) -> bool:
+        """Whether the engine reached its own tolerance.
+
+        >>> finger.simulate().converged
+        True
+        """
+        return bool(self._final.final.converged)
+
+
+class Fitted(Result[tuple[DesignStages, ...]]):
+    """The laws of a study's distinct designs."""
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes.
+
+        >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.axes
+        ('y',)
+        """
+        return self.record[0].law.law

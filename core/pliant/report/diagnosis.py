@@ -53,7 +53,7 @@ from pliant.report.fitted import (
     verdict_json,
     warned,
 )
-from pliant.report.learned import learned_json, learned_section
+from pliant.report.learned_curve import learned_json
 from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
@@ -227,6 +227,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         hypotheses_chart,
     )
     from pliant.report.figures import diagnosis as figures
+    from pliant.report.learned import learned_section
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
     label = unit_of(output).label

@@ -41,7 +41,7 @@ from pliant.report.fitted import (
     parameters_table,
     warned,
 )
-from pliant.report.learned import learned_json, learned_section
+from pliant.report.learned_curve import learned_json
 from pliant.report.posterior import (
     bands_json,
     bands_words,
@@ -229,6 +229,7 @@ def steps_brief(found: Improvement) -> Table:
 
 def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
     from pliant.report.figures.learning import MOST_OUTPUTS, error_steps
+    from pliant.report.learned import learned_section
 
     data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
     most = f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."

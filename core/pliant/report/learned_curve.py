@@ -1,16 +1,18 @@
-"""The curve of a learned term over its one covariate, in display units: what its pictures are drawn from."""
+"""A learned term as JSON, and its curve over one covariate in display units: what its pictures are drawn from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pliant.diagnosis.learned_term import LearnedTerm
-from pliant.diagnosis.learned_words import covariate_words, quantity
+from pliant.diagnosis.learned_words import covariate_words, described, quantity
 from pliant.mechanics.learned_curve import MARGIN, CurveAxis, basis
 from pliant.records.design import Array
 from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
+from pliant.report.document import capital
 
 # Half-width of a central 90 % band in standard deviations.
 NINETY = 1.6449
@@ -78,3 +80,20 @@ def curve_of(found: LearnedTerm) -> LearnedCurve | None:
         found.value * unit.factor,
         (axis.low * words.factor, axis.high * words.factor),
     )
+
+
+def learned_json(found: LearnedTerm | None) -> dict[str, Any] | None:
+    """What it is as a study's block, how far the error falls on runs left out, how sure that is."""
+    if found is None:
+        return None
+    return {
+        "effect": found.effect.canonical(),
+        "depends_on": [axis.name for axis in found.form.axes],
+        "acts_on": found.form.acts_on,
+        "rmse_over_floor": {"without": found.before, "with": found.after},
+        "left_out": found.on,
+        "standard_errors": found.sure,
+        "effective_values": found.freedom,
+        "forms_tried": found.tried,
+        "description": capital(described(found)),
+    }
