@@ -32,8 +32,8 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
-from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with

@@ -24,7 +24,7 @@ from pliant.diagnosis.evidence_table import (
     probabilities,
     room_above_floor,
 )
-from pliant.diagnosis.next_step import shared_effects
+from pliant.diagnosis.steps import shared_effects
 from pliant.diagnosis.verdict import judge
 from pliant.evidence.excess import CLEARLY_ABOVE, Excess
 

@@ -20,10 +20,10 @@ from pliant.diagnosis.diagnosis import Diagnosis, next_words
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.evidence_table import sorted_kinds
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
-from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import described
+from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.protocol_file import write_protocol

@@ -13,26 +13,25 @@ the bench scatters, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.diagnosis.bands import Bands, bands
+from pliant.diagnosis.bands import bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.evidence_table import Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import Score, blocks_of, condition_of_runs, score
+from pliant.diagnosis.fitting import blocks_of, condition_of_runs, score
 from pliant.diagnosis.learned_term import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
-from pliant.diagnosis.next_run import NextRun
-from pliant.diagnosis.next_step import Cause, StepProposal, named_step, predicting_step
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.steps import Cause, Improvement, Step, StepProposal, named_step, predicting_step
+from pliant.diagnosis.test_split import lock
 from pliant.diagnosis.unseen import block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.comparison import compare, interpret
@@ -43,7 +42,6 @@ from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.beginnings import with_known_states
-from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
@@ -67,85 +65,6 @@ CLOSINGS = {
     ),
     "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One model on the way.
-
-    Attributes:
-        added: the effects of this step; empty for the model as it was.
-        effects: all effects of the model.
-        why: the reason for this step, and where the model is still wrong after it, in sentences.
-        locked: error on the runs put aside.
-        locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
-        unseen: that of those of them whose condition is in no training run; None without such.
-        training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
-        stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
-            which; empty where the verdict was the effect itself.
-        cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is;
-            `learned`: it describes what is left; empty for the model as it was.
-        learned: the learned term of this step; None for effects.
-    """
-
-    added: tuple[str, ...]
-    effects: tuple[EffectConfig, ...]
-    why: str
-    locked: Score
-    locked_se: float
-    unseen: Score | None
-    training: Score
-    stands_for: Kinds = ()
-    cause: Cause = ""
-    learned: LearnedTerm | None = None
-
-    @property
-    def named(self) -> str:
-        """What was added, with the look-alikes that it stands for; empty for the model as it was."""
-        if self.learned is not None:
-            return "a learned term"
-        others = [kind for kind in self.stands_for if kind not in self.added]
-        return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
-
-
-@dataclass(frozen=True, eq=False)
-class Improvement:
-    """The whole way.
-
-    Attributes:
-        steps: the model as it was, then one entry per effect.
-        stop: the last verdict, or `no_gain`, `same_effect`, `most_steps`.
-        reason: why it stopped, in sentences.
-        locked: what was put aside.
-        floors: by output, of all runs.
-        final: the last fit, with its uncertainty; None where no effect was added.
-        remarks: what limits the result, in sentences.
-        next_run: what the last diagnosis proposes to measure.
-        bands: of the last model on all runs; None where no effect was added, or a learned term behind them.
-    """
-
-    steps: tuple[Step, ...]
-    stop: str
-    reason: str
-    locked: TrainTestSplit
-    floors: Mapping[str, Floor]
-    judged: bool
-    final: Extension | None
-    remarks: tuple[str, ...]
-    next_run: NextRun | None = None
-    bands: Bands | None = None
-
-    @property
-    def learned(self) -> LearnedTerm | None:
-        """The learned term of the last step, if it is one."""
-        return self.steps[-1].learned
-
-    @property
-    def scored_on(self) -> str:
-        """Which readings the errors of the steps are of."""
-        if self.locked.runs:
-            return "runs put aside"
-        return "runs left out" if len(self.locked.training.runs) > 1 else "blocks left out"
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.steps import Improvement
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array

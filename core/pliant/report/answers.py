@@ -8,8 +8,8 @@ import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
-from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.steps import Improvement
 from pliant.diagnosis.verdict import Judgement, named
 from pliant.evidence.comparison import Comparison, headline
 from pliant.formatting import listed, number, unit_of, whole_percent

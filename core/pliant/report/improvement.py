@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.bands import Bands
-from pliant.diagnosis.improvement import Improvement, Step
+from pliant.diagnosis.steps import Improvement, Step
 from pliant.evidence.comparison import compare
 from pliant.formatting import listed, number, plural, unit_of, whole_percent
 from pliant.measurements.floors import Floor

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.steps import Improvement
 from pliant.formatting import actuation_unit, deformation_unit, display_unit, effort_unit, number, unit_of
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import StudyRun

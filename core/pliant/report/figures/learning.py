@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.steps import Improvement
 from pliant.formatting import number, percent, unit_of
 from pliant.report.figures import style
 

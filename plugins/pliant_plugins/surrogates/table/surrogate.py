@@ -1,4 +1,14 @@
-"""The table surrogate: laws interpolated from scattered states by splines (see `fitting`)."""
+"""The table surrogate: laws interpolated from scattered states by splines (see `fitting`).
+
+One axis under several actuations has a tensor-product spline of all of them and u:
+
+    τ(a, u) = T(ã, u) + Σ_j (a_j − ã_j) G_j,   T = Σ c_{i…j} Π_d B_i(x_d) B_j(v),   ã = â + L tanh(δ/L)
+
+with B uniform cubic B-splines over the box, δ how far an actuation lies outside it and â the nearest place in it.
+Outside the box each B goes on along its tangent, so T is multilinear there and τ is C¹. The actuations' influence on
+the stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box is left), and
+G_j, the gain at the border at rest, pushes on without end and without changing the stiffness.
+"""
 
 from __future__ import annotations
 
@@ -45,16 +55,9 @@ LEVELS = 9  # of u, of the grid that is looked at; three of each actuation
 
 @dataclass(frozen=True, eq=False)
 class SeveralTableLaw(JointLaw):
-    """One axis under several actuations: a tensor-product spline of all of them and u.
+    """See the module. With m actuations:
 
-        τ(a, u) = T(ã, u) + Σ_j (a_j − ã_j) G_j,   T = Σ c_{i…j} Π_d B_i(x_d) B_j(v),   ã = â + L tanh(δ/L)
-
-    with B uniform cubic B-splines over the box, δ how far an actuation lies outside it and â the nearest place in it.
-    Outside the box each B goes on along its tangent, so T is multilinear there and τ is C¹. The actuations' influence
-    on the stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box is left),
-    and G_j, the gain at the border at rest, pushes on without end and without changing the stiffness.
-
-    Attributes, of m actuations:
+    Attributes:
         coefficients: (I_1 + 3, …, I_m + 3, J + 3) of I_1 × … × J cells, N·m.
         domain: the box of the data.
         error: the band around τ.

@@ -1,4 +1,4 @@
-"""Which effects to add next: those that a verdict names, or those that predict better whatever their name.
+"""Steps of an improvement: what was added, and what to add next, by name or because it predicts better.
 
 Where no single explanation is credible enough, effects are exchanged for each other if two credible hypotheses are
 alike but for them and the runs can hardly tell them apart. If nearly all probability lies on hypotheses with some
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
+from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.candidates import FitParameter
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.evidence_table import (
@@ -25,8 +26,14 @@ from pliant.diagnosis.evidence_table import (
     credible_set,
     sorted_kinds,
 )
-from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.extension import Extension
+from pliant.diagnosis.fitting import EffectFit, Score
+from pliant.diagnosis.learned_term import LearnedTerm
+from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.test_split import TrainTestSplit
 from pliant.diagnosis.unseen import best_of, best_prediction
+from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.floors import Floor
 from pliant.registry.discovery import Registry
 
 
@@ -157,6 +164,85 @@ class StepProposal:
         known = f"The training runs speak for {kind}: {component.summary}."
         known += f" It is known by this: {notes.signature}" if notes.signature else ""
         return known + (f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One model on the way.
+
+    Attributes:
+        added: the effects of this step; empty for the model as it was.
+        effects: all effects of the model.
+        why: the reason for this step, and where the model is still wrong after it, in sentences.
+        locked: error on the runs put aside.
+        locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
+        unseen: that of those of them whose condition is in no training run; None without such.
+        training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
+        stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
+            which; empty where the verdict was the effect itself.
+        cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is;
+            `learned`: it describes what is left; empty for the model as it was.
+        learned: the learned term of this step; None for effects.
+    """
+
+    added: tuple[str, ...]
+    effects: tuple[EffectConfig, ...]
+    why: str
+    locked: Score
+    locked_se: float
+    unseen: Score | None
+    training: Score
+    stands_for: Kinds = ()
+    cause: Cause = ""
+    learned: LearnedTerm | None = None
+
+    @property
+    def named(self) -> str:
+        """What was added, with the look-alikes that it stands for; empty for the model as it was."""
+        if self.learned is not None:
+            return "a learned term"
+        others = [kind for kind in self.stands_for if kind not in self.added]
+        return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Improvement:
+    """The whole way.
+
+    Attributes:
+        steps: the model as it was, then one entry per effect.
+        stop: the last verdict, or `no_gain`, `same_effect`, `most_steps`.
+        reason: why it stopped, in sentences.
+        locked: what was put aside.
+        floors: by output, of all runs.
+        final: the last fit, with its uncertainty; None where no effect was added.
+        remarks: what limits the result, in sentences.
+        next_run: what the last diagnosis proposes to measure.
+        bands: of the last model on all runs; None where no effect was added, or a learned term behind them.
+    """
+
+    steps: tuple[Step, ...]
+    stop: str
+    reason: str
+    locked: TrainTestSplit
+    floors: Mapping[str, Floor]
+    judged: bool
+    final: Extension | None
+    remarks: tuple[str, ...]
+    next_run: NextRun | None = None
+    bands: Bands | None = None
+
+    @property
+    def learned(self) -> LearnedTerm | None:
+        """The learned term of the last step, if it is one."""
+        return self.steps[-1].learned
+
+    @property
+    def scored_on(self) -> str:
+        """Which readings the errors of the steps are of."""
+        if self.locked.runs:
+            return "runs put aside"
+        return "runs left out" if len(self.locked.training.runs) > 1 else "blocks left out"
 
 
 def named_step(found: Diagnosis) -> StepProposal | None:
