@@ -24,7 +24,7 @@ PAIR = (ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_
 def several_law(m: int = 2, axes: tuple[str, ...] = ("y",), seed: int = 0) -> SeveralLaw:
     """A stable law: a random energy of degree 3 beside a strong quadratic one in u."""
     k, random = len(axes), np.random.default_rng(seed)
-    joint = {1: "revolute", 3: "spherical", 4: "extensible"}[k]
+    joint = "revolute" if k == 1 else "extensible" if "e" in axes else "spherical"
     exponents = terms_of(3, 3, m, k)
     coefficients = 1e-5 * random.standard_normal(len(exponents))
     stiff = (exponents[:, m:].sum(axis=1) == 2) & (exponents[:, m:].max(axis=1) == 2)
