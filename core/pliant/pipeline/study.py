@@ -25,6 +25,7 @@ from pliant.pipeline.chain import (
 )
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.engine_checks import check_engines
+from pliant.pipeline.loads import loads_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
 from pliant.pipeline.segments import (
@@ -75,6 +76,7 @@ class StudyRun:
     unused: tuple[str, ...] = ()
     uncertainty: Artifact | None = None
     remarks: tuple[str, ...] = ()
+    loads: Artifact | None = None
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -231,9 +233,11 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     spread = None
     if study.uncertainty is not None:
         spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
+    own = engines[0].result
+    loads = None if own is None else loads_stage(bench, source, physics, task, study.effects, own)
     wall_s = time.perf_counter() - started
     unused, remarks = tuple(study.unused()), load_remarks(source.chain, task)
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks)
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks, loads)
 
 
 # A payload heavier than the chain by more is likely one in grams.
