@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from pliant.report.figures.learned import learned as drawn
 from tests.diagnosis.bench_files import PRESSURE, bench, study
 from tests.diagnosis.quick import (
     BENCH,
@@ -32,6 +31,7 @@ from pliant.evidence.places import residuals_of
 from pliant.measurements.repeats import repeat_groups
 from pliant.mechanics.learned_curve import basis
 from pliant.report.improvement import improvement_json, summary
+from pliant.report.learned import learned_picture as drawn
 from pliant.report.learned import learned_section
 from pliant.report.learned_curve import learned_json
 

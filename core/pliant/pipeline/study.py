@@ -25,6 +25,7 @@ from pliant.pipeline.chain import (
 )
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.engine_checks import check_engines
+from pliant.pipeline.loads import loads_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
 from pliant.pipeline.segments import (
@@ -75,6 +76,7 @@ class StudyRun:
     unused: tuple[str, ...] = ()
     uncertainty: Artifact | None = None
     remarks: tuple[str, ...] = ()
+    loads: Artifact | None = None
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -231,9 +233,11 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     spread = None
     if study.uncertainty is not None:
         spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
+    own = engines[0].result
+    loads = None if own is None else loads_stage(bench, source, physics, task, study.effects, own)
     wall_s = time.perf_counter() - started
     unused, remarks = tuple(study.unused()), load_remarks(source.chain, task)
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks)
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks, loads)
 
 
 # A payload heavier than the chain by more is likely one in grams.
@@ -255,6 +259,12 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
     return tuple(found)
 
 
+def arm_content(study: Study) -> dict[str, Any]:
+    """What keys hold of the arm that carries the chain: its meshes and included files count by their content."""
+    mount = study.chain.base.mount if study.chain is not None else None
+    return {} if mount is None else {"arm": [digest(file) for file in files_of(mount.file)]}
+
+
 def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
@@ -270,10 +280,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
         "density_kg_m3": density_of(study),
     }
-    if (
-        chain.base.mount is not None
-    ):  # meshes and included files count by their content, as the arm's own does
-        config["arm"] = [digest(file) for file in files_of(chain.base.mount.file)]
+    config |= arm_content(study)
     if own := region_densities(study):
         config["region_densities_kg_m3"] = own
     components = [bench.component("family", study.family)] if study.family else []

@@ -36,13 +36,13 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
     text = (capital(described(found)), fall)
     return Section(
         "A learned term for what no listed effect explains",
-        (Picture("learned", caption, _drawn(found), None if curve is None else curve.chart),),
+        (Picture("learned", caption, learned_picture(found), None if curve is None else curve.chart),),
         text=text,
         open=True,
     )
 
 
-def _drawn(found: LearnedTerm) -> style.Png:
+def learned_picture(found: LearnedTerm) -> style.Png:
     """The curve over its covariate, or two maps over two."""
     if (curve := curve_of(found)) is not None:
         with style.canvas(1350, 620) as figure:
