@@ -75,6 +75,13 @@ def several_effort(
             dtau_du[i, j] = dtau_du[j, i]
 
 
+def shared(parameters: Array, share: float) -> Array:
+    """The parameters of the law τ(s a, u)."""
+    found = parameters.copy()
+    found[HEADER : HEADER + 2 * int(parameters[0])] /= share  # centres and half-widths of the actuations
+    return found
+
+
 def _sum_row(c: Array, first: int, count: int, lanes: int, work: Array, mono: int, sums: int) -> None:
     """Fills value and slopes by each actuation of a row of coefficients, `LANES` side by side."""
     for lane in range(0, lanes, LANES):
