@@ -1,6 +1,7 @@
 """Scripted users of the evidence page on sets of the bed: does a user get what `pliant improve` gets, and is warned?
 
     python -m benchmarks.page_users --cases 20
+    python -m benchmarks.page_users --cases 3 --first 7   # these three anew, beside what was kept of the others
 
 Each drops a study and its recording, looks, diagnoses, ticks what is probable, fits, saves; then presses Improve; then
 adds an effect that is not there. Sets are of the calibration split, with an effect hidden in each, on the joint.
@@ -9,14 +10,13 @@ adds an effect that is not there. Sets are of the calibration split, with an eff
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.output import parser_of, write
+from benchmarks.output import parser_of, read, write
 from tests.app.page_user import PageUser, opened
 
 from pliant import api
@@ -93,22 +93,10 @@ def _effects(study: Path, store: Path) -> Effects:
     return tuple(effect.canonical() for effect in api.open_study(study, store=store).study.effects)
 
 
-def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--cases", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--protocol", default="example")
-    given = parser.parse_args()
-    rows = []
-    with tempfile.TemporaryDirectory() as text:
-        for k, spec in enumerate(specs(given.cases, given.protocol, given.first)):
-            folder = Path(text) / f"user-{k}"
-            folder.mkdir()
-            rows.append(played(spec, folder, Path(text) / "store"))
-            print(json.dumps(rows[-1]), flush=True)
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """What all users met together."""
     offered = [row for row in rows if row["false_add"]]
-    found = {
-        "load": os.getloadavg()[0],
+    return {
         "cases": len(rows),
         "within_2_percent_of_improve": sum(row["within_2_percent"] for row in rows),
         "false_adds": len(offered),
@@ -117,7 +105,22 @@ def main() -> None:
         "first_screen_s": float(np.median([row["first_screen_s"] for row in rows])),
         "rows": rows,
     }
-    write("page_users", found)
+
+
+def main() -> None:
+    parser = parser_of(__doc__)
+    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--protocol", default="example")
+    given = parser.parse_args()
+    kept = {row["case"]: row for row in read("page_users").get("rows", [])}
+    with tempfile.TemporaryDirectory() as text:
+        for k, spec in enumerate(specs(given.cases, given.protocol, given.first), given.first):
+            folder = Path(text) / f"user-{k}"
+            folder.mkdir()
+            kept[k] = {"case": k, **played(spec, folder, Path(text) / "store")}
+            print(json.dumps(kept[k]), flush=True)
+            write("page_users", summary([kept[case] for case in sorted(kept)]))
 
 
 if __name__ == "__main__":

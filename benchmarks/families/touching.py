@@ -89,9 +89,9 @@ def solver(problem: ModuleProblem, material: Material, how: str) -> SkfemSolver:
 
 def gap_m(here: SkfemSolver, state: FemState) -> float:
     """Smallest distance of the skin's points from the planes that they may meet; negative beyond them."""
-    contact = here.assembler.contact
-    assert contact is not None
-    return -float(contact.depth(state.solution, state.axial_strain).max())
+    contacts = here.assembler.contacts
+    assert contacts is not None and contacts.planes is not None
+    return -float(contacts.planes.depth(state.solution, state.axial_strain).max())
 
 
 def walk(here: SkfemSolver, by_pressure: bool) -> tuple[float, FemState]:

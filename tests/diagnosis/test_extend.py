@@ -5,6 +5,7 @@ import pytest
 from tests.diagnosis.bench_files import STUDY, bench, histories, study
 from tests.diagnosis.quick import BENCH, effect
 
+from pliant.diagnosis import fitting
 from pliant.diagnosis.extension import Ground, extend
 from pliant.errors import UserError
 
@@ -86,3 +87,23 @@ def test_one_run_has_no_condition_to_leave_out(folder):
     found = extended(folder, measurement, ["stiffness"], profiles=False)
     assert found.heldout is None and found.left_out is None
     assert found.values["stiffness.factor"] == pytest.approx(1.15, abs=0.05)
+
+
+def test_beside_another_effect_a_fit_is_never_worse_than_alone(folder, monkeypatch):
+    measurement = bench(folder, effect("viscoelastic"))
+    alone = extended(folder, measurement, ["viscoelastic"], profiles=False)
+    kinds = ["viscoelastic", "base_misalignment"]
+    # without a step the joint fit stays where it began: there it has the smaller one's error, and lower ones to go to
+    monkeypatch.setattr(fitting, "MOST_ITERATIONS", 0)
+    monkeypatch.setattr(fitting, "TRIAL_ITERATIONS", 0)
+    both = extended(folder, measurement, kinds, profiles=False, smaller=[alone])
+    assert both.fit.mean_square() <= alone.fit.mean_square() * (1 + 1e-9)
+    assert both.fit.named.items() >= alone.fit.named.items()
+
+
+def test_an_effect_that_runs_do_not_show_leaves_the_error_of_the_others_left_out_as_it_is(folder):
+    measurement = bench(folder, effect("stiffness", factor=1.3))
+    alone = extended(folder, measurement, ["stiffness"], profiles=False)
+    both = extended(folder, measurement, ["stiffness", "supply_lag"], profiles=False)
+    assert alone.before.over_floor > 1.5
+    assert both.heldout.over_floor == pytest.approx(alone.heldout.over_floor, rel=0.1)

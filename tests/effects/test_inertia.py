@@ -10,7 +10,7 @@ from tests.effects.bench import ENGINE, chain_with, engine, followed
 from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.inertia import mass_matrix
-from pliant.pipeline.simulate import check_terms
+from pliant.pipeline.engine_checks import check_terms
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.exporting.alone import run_alone
+from tests.mechanics.test_several_actuations import chain_of, several_law
 
 from pliant import api
 from pliant.pipeline.carried import carried_chain
+from pliant.records.chain import Actuator
+from pliant.records.law import EXTENSIBLE_AXES
 from pliant.records.rollout import Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -93,6 +96,25 @@ def test_opposed_chambers_take_two_inputs(tmp_path) -> None:
 def test_a_chain_of_ball_joints_under_loads(tmp_path) -> None:
     helix = Path(__file__).parents[2] / "examples" / "helix" / "helix.yaml"
     settled_tips(helix, tmp_path, {"pressure_pa": 15e3})
+
+
+def test_segments_that_bend_twist_and_grow_under_pressures_of_their_own(tmp_path) -> None:
+    """Balls with slides, laws of two pressures and four coordinates; the load pulls along and across."""
+    law = several_law(2, EXTENSIBLE_AXES)
+    own = [tuple(Actuator(f"pressure_{2 * s + k}_pa") for k in (1, 2)) for s in range(2)]
+    chain = chain_of(law, 2, 2, own, gravity=[1.0, 2.0, -9.0])
+    Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
+    inputs = {f"pressure_{k}_pa": 4e3 * k for k in range(1, 5)}
+    said = SCRIPT.replace("CASES", repr([(load, inputs) for load in (0.0, 0.02)]))
+    found = run_alone(said.replace("robot_law.outside(model, data)", "list(data.qpos)"), tmp_path)
+    with Quasistatic(QuasistaticConfig()).build(chain) as simulation:
+        for load, (settled, *tip, qpos) in zip((0.0, 0.02), found, strict=True):
+            simulation.apply(Inputs(inputs, np.array([0.0, 0.0, -9.81 * load])))
+            ours = simulation.settle()
+            assert settled and ours.converged
+            assert np.linalg.norm(ours.tip_m - tip) < 1e-6
+            np.testing.assert_allclose(qpos[4::5], ours.joint_angles[:, 3], atol=1e-8)
+            assert np.abs(ours.joint_angles[:, 3]).max() > 1e-5
 
 
 def test_it_moves_on_its_own_and_leaves_other_models_alone(tmp_path) -> None:

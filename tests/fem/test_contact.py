@@ -21,7 +21,7 @@ from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.contact import DEEPEST, GIVE, PlaneContact
+from pliant_plugins.fem.skfem.contact import DEEPEST, GIVE, PlaneContact, Skin
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
@@ -31,13 +31,13 @@ GAP = 1e-3
 TOUCH_PA = 7.5e3  # the thin bellow's folds meet a little below
 
 
-def material(nu: float = 0.49) -> NeoHookean:
-    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=nu))
+def material(modulus_pa: float = MU) -> NeoHookean:
+    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=modulus_pa, poisson_ratio=0.49))
 
 
-def solver(problem: ModuleProblem, how: str = "solve") -> SkfemSolver:
+def solver(problem: ModuleProblem, how: str = "solve", modulus_pa: float = MU) -> SkfemSolver:
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "self_contact": how, "tolerance": 1e-8})
-    return Skfem(config).solver(problem, material())
+    return Skfem(config).solver(problem, material(modulus_pa))
 
 
 def block() -> ModuleProblem:
@@ -89,7 +89,7 @@ def test_two_blocks_pressed_have_a_closed_form(pressed_m: float) -> None:
     """The force is that of a bar whose end pressure φ' = μ (d/h)² is its own stress; before they meet there is none."""
     problem = block()
     here = solver(problem)
-    contact = here.assembler.contact
+    contact = here.assembler.contacts
     assert contact is not None
     apart = here.constrained(0.0, -GAP / 2, here.rest())
     assert apart.moment_n_m == pytest.approx(0.0, abs=1e-15)
@@ -98,15 +98,15 @@ def test_two_blocks_pressed_have_a_closed_form(pressed_m: float) -> None:
 
     def unbalanced(depth: float) -> float:
         end = BLOCK[0] - pressed_m + depth
-        return MU * (depth / (GIVE * contact.wall_m)) ** 2 + uniaxial_pa(end / BLOCK[0])
+        return MU * (depth / (GIVE * contact.skin.wall_m)) ** 2 + uniaxial_pa(end / BLOCK[0])
 
-    depth = brentq(unbalanced, 0.0, DEEPEST * contact.wall_m, xtol=1e-16)
+    depth = brentq(unbalanced, 0.0, DEEPEST * contact.skin.wall_m, xtol=1e-16)
     force = uniaxial_pa(1 - (pressed_m - depth) / BLOCK[0]) * BLOCK[1] * BLOCK[2]
     # the effort opposes what the blocks' stress does
     assert state.moment_n_m == pytest.approx(-force, rel=1e-6)
     assert state.status == "touching"
     assert contact.deepest(state.solution, state.axial_strain) == pytest.approx(
-        depth / contact.wall_m, rel=1e-5
+        depth / contact.skin.wall_m, rel=1e-5
     )
 
 
@@ -189,14 +189,14 @@ def pressed() -> tuple[SkfemSolver, FemState]:
 @pytest.mark.slow
 def test_folds_that_meet_hold_each_other(pressed: tuple[SkfemSolver, FemState]) -> None:
     here, state = pressed
-    contact = here.assembler.contact
+    contact = here.assembler.contacts
     assert contact is not None
     assert state.status == "touching"
     assert 0 < contact.deepest(state.solution, state.axial_strain) < DEEPEST
     # nodes too, between which the points stand, stay before the plane
     section = here._section(state.solution)[np.unique(here.problem.mesh.skin), 0]
     beyond = section.max() - (1 + state.axial_strain) * here.problem.span_m
-    assert 0 < beyond < 2 * DEEPEST * contact.wall_m
+    assert 0 < beyond < 2 * DEEPEST * contact.skin.wall_m
 
 
 @pytest.mark.slow
@@ -216,14 +216,16 @@ def test_slopes_in_contact_are_those_of_differences(pressed: tuple[SkfemSolver, 
 def test_cuts_do_not_count_as_skin() -> None:
     """Faces in the sections and in the mirror plane y = 0 meet nothing; the rest is the skin's area."""
     problem = box_problem()
-    contact = PlaneContact.of(problem, MU, 1.0)
-    assert contact is not None
-    nodes = problem.mesh.nodes_m[contact.faces.nodes]
+    skin = Skin.of(problem, MU, 1.0)
+    assert skin is not None
+    nodes = problem.mesh.nodes_m[skin.faces.nodes]
     assert not np.any(np.ptp(nodes[..., 0], axis=1) == 0)
     assert not np.any(np.all(nodes[..., 1] == 0, axis=1))
     inside, outside = 2 * 3e-3 + 4e-3, 2 * 4.5e-3 + 8.5e-3  # of half the section
-    assert contact.weight.sum() == pytest.approx(6e-3 * (inside + outside), rel=1e-12)
-    assert PlaneContact.of(replace(problem, contact_planes=()), MU, 1.0) is None
+    assert skin.weight.sum() == pytest.approx(6e-3 * (inside + outside), rel=1e-12)
+    planes = PlaneContact.of(problem, skin)
+    assert planes is not None and len(planes.normal) == 3
+    assert PlaneContact.of(replace(problem, contact_planes=(), fixed={}), skin) is None
 
 
 def test_the_earlier_name_is_read_and_kept_in_what_names_results() -> None:

@@ -24,14 +24,15 @@ PAIR = (ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_
 def several_law(m: int = 2, axes: tuple[str, ...] = ("y",), seed: int = 0) -> SeveralLaw:
     """A stable law: a random energy of degree 3 beside a strong quadratic one in u."""
     k, random = len(axes), np.random.default_rng(seed)
+    joint = "revolute" if k == 1 else "extensible" if "e" in axes else "spherical"
     exponents = terms_of(3, 3, m, k)
     coefficients = 1e-5 * random.standard_normal(len(exponents))
     stiff = (exponents[:, m:].sum(axis=1) == 2) & (exponents[:, m:].max(axis=1) == 2)
     coefficients[stiff & (exponents[:, :m].sum(axis=1) == 0)] = 2e-3
-    maps = np.array([[1e4, 1e4]] * m + [[0.0, 0.3]] * k)
+    half = [1e-3 if axis == "e" else 0.3 for axis in axes]
+    maps = np.array([[1e4, 1e4]] * m + [[0.0, width] for width in half])
     box = np.column_stack([maps[:, 0] - maps[:, 1], maps[:, 0] + maps[:, 1]])
     name = ", ".join(f"pressure_{j}_pa" for j in range(1, m + 1))
-    joint = "revolute" if k == 1 else "spherical"
     return SeveralLaw(exponents, coefficients, maps, Domain(box[:m], box[m:]), name, axes, joint)
 
 

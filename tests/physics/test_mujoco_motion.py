@@ -17,8 +17,9 @@ from pliant.records.history import History
 from pliant.records.law import JointLaw
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant.records.term import LawTerm
-from pliant_plugins.physics.mujoco.backend import Mujoco, MujocoSimulation
+from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.mujoco.simulation import MujocoSimulation
 from pliant_plugins.physics.stepping import step_through
 
 INPUTS = Inputs({"pressure_pa": 9e3})

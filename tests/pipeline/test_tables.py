@@ -18,6 +18,7 @@ from pliant.errors import ContractError, UserError
 from pliant.pipeline.sweep import shortened, write_sweep_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
+from pliant.records.law import EXTENSIBLE_AXES, EXTENSION
 from pliant.tabular.fem_columns import table_digest
 from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
 from pliant.tabular.fem_writing import write_table
@@ -58,7 +59,7 @@ def module(axes: tuple[str, ...], main: str, n: int = 16, seed: int = 0, **chang
     explored = (main, *axes, *(("coupling",) if k > 1 else ()))
     data = ModuleData(
         design=Design("helix", {"wall_m": 1.5e-3, "turns": 4, "shape": "round"}),
-        joint="spherical" if k > 1 else "revolute",
+        joint={1: "revolute", 3: "spherical", 4: "extensible"}[k],
         axes=axes,
         main_axis=main,
         actuation_name="pressure_pa",
@@ -136,6 +137,7 @@ def test_what_is_written_is_read_to_the_bit(tmp_path_factory, states, axis, actu
         (("x",), "x", {"joint": "prismatic"}),
         (XYZ, "y", {}),
         (XYZ, "z", {}),
+        (EXTENSIBLE_AXES, "y", {"joint": "extensible"}),
     ],
 )
 def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, axes, main, changes) -> None:
@@ -148,10 +150,17 @@ def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, 
     assert dict(read_module_table(path).design.parameters) == {"wall_m": 1.5e-3, "turns": 4}
     for axis in axes:
         joint = data.joint if len(axes) == 1 else "revolute"
-        same(read_table(path, axis), replace(data.axis(axis), joint=joint))
+        if axis != EXTENSION:  # a travel's data set has columns of its own
+            same(read_table(path, axis), replace(data.axis(axis), joint=joint))
 
 
-@pytest.mark.parametrize("axes", [("y",), XYZ])
+def test_a_joint_that_extends_has_all_of_its_axes(tmp_path: Path) -> None:
+    head = "pressure_pa,axis,angle_rad,moment_n_m,angle_y_rad,extension_e_m,moment_y_n_m,force_e_n\n"
+    with pytest.raises(UserError, match="all of the axes x, y, z, e, and the column angle_x_rad is missing"):
+        read_module_table(table(tmp_path, head + "0,all,0,0,0.1,0.001,5,6\n"))
+
+
+@pytest.mark.parametrize("axes", [("y",), XYZ, EXTENSIBLE_AXES])
 @pytest.mark.parametrize(
     "name", ["pressure_1_pa, pressure_2_pa", "pressure_2_pa, pressure_7_pa, tendon_force_n"]
 )
@@ -567,3 +576,16 @@ def test_notes_hold_for_columns_of_every_axis(tmp_path: Path) -> None:
     assert data.deformation[0] == pytest.approx([0.1, np.pi])
     assert data.tau[0] == pytest.approx((-5e-3, -6))
     assert data.dtau_du[0, 0, 1] == pytest.approx(-7e-3 * 180 / np.pi)
+
+
+def test_slopes_by_the_extension_are_in_its_unit(tmp_path: Path) -> None:
+    axes = (
+        "angle_x_rad,angle_y_rad,angle_z_rad,extension_e_m,moment_x_n_m,moment_y_n_m,moment_z_n_m,force_e_n"
+    )
+    head = f"pressure_pa,axis,angle_rad,moment_n_m,{axes},dmoment_y_du_e,dforce_e_du_e,dforce_e_du_y\n"
+    text = head + "0,all,0,0,0,90,0,1,0,1,0,2,5,6,7\n"
+    data = read_module_table(table(tmp_path, text, "units: {angle_y_rad: deg, extension_e_m: mm}\n"))
+    assert data.joint == "extensible"
+    assert data.deformation[0] == pytest.approx([0, np.pi / 2, 0, 1e-3])
+    assert data.dtau_du[0, 1, 3] == pytest.approx(5e3)
+    assert data.dtau_du[0, 3, [3, 1]] == pytest.approx([6e3, 7 * 180 / np.pi])

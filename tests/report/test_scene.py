@@ -13,6 +13,7 @@ import pytest
 from tests.app.test_in_the_browser import CHROMIUM, QUIET, playwright
 from tests.report.pages import check_sound
 
+from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import Rollout
 from pliant.report.figures.finger import finger_bodies
 from pliant.report.folder import FinishedRun
@@ -60,6 +61,29 @@ def test_a_long_history_is_thinned_and_keeps_its_ends(kit: Any) -> None:
     assert len(scene.script_data) < 200_000
 
 
+def loaded(run: FinishedRun) -> FinishedRun:
+    """With frames under half of 13 g, where it bends half as much."""
+    own = run.engines[0].result.rollout
+    assert own is not None
+    turns, markers = ([0.5 * values, values] for values in (own.joint_angles, own.markers_m))
+    return replace(
+        run, loads=LoadFrames(0.013, 0.0, np.array([0.5, 1.0]), np.stack(turns), np.stack(markers))
+    )
+
+
+def test_a_load_slider_has_every_state_under_every_load(kit: Any) -> None:
+    run = kit.full_run(2)
+    plain, scene = robot_scene(run), robot_scene(loaded(run))
+    assert plain is not None and scene is not None and plain.loads == ()
+    assert (scene.loads, scene.load, scene.states) == (("6.5 g", "13 g"), 1, plain.states)
+    n = len(plain.states)
+    for one, other in zip(plain.bodies, scene.bodies, strict=True):
+        assert other.angle_rad[n:] == pytest.approx(one.angle_rad)
+        assert other.angle_rad[:n] == pytest.approx(0.5 * one.angle_rad)
+        assert np.isnan(other.values["apart"][:n]).all()  # other engines were not asked there
+        assert other.values["apart"][n:] == pytest.approx(one.values["apart"])
+
+
 def test_a_module_shows_its_free_states_and_the_error_of_its_law(kit: Any) -> None:
     scene = module_scene(kit.dataset(), kit.PlainLaw())
     assert scene is not None and len(scene.states) == 3 and scene.views == ("whole", "cut open")
@@ -81,7 +105,7 @@ def opened(kit: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A run's page in headless Chromium; what a script throws fails the test at the end."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed: apt-get install chromium")
-    made = page_of(run_document(kit.full_run(3)))
+    made = page_of(run_document(loaded(kit.full_run(3))))
     check_sound(made)
     file: Path = tmp_path_factory.mktemp("scene") / "report.html"
     file.write_text(made.html, "utf-8")
@@ -143,6 +167,13 @@ def test_keys_turn_it_the_slider_moves_it_and_both_have_names(opened: Any) -> No
     assert drawn("0  ").startswith("0 ") and slider.get_attribute("aria-valuetext") == "0 kPa"
     page.get_by_role("button", name="play").first.click()
     drawn("2  ")
+    page.get_by_role("button", name="pause").first.click()
+    load = page.get_by_role("slider", name="load").first
+    before = page.evaluate(f"Array.from(document.querySelector('{SCENE}').scene.points)")
+    load.press("Home")
+    drawn("load 0")
+    assert load.get_attribute("aria-valuetext") == "6.5 g"
+    assert page.evaluate(f"Array.from(document.querySelector('{SCENE}').scene.points)") != before
     assert page.get_by_role("img", name="In space").first.is_visible()
 
 

@@ -74,12 +74,6 @@ def fit(
     model, ground = task.model, task.ground
     kinds = candidate_kinds(model.bench.registry, kinds)
     begun = model.effects(tuple(one for one in task.effects if one["kind"] in _own(model)))
-    found = extend(ground, begun, kinds, forms=forms)
-    file = _study_name(model, kinds, key)
-    study = model.study.model_copy(update={"effects": begun})
-    note = f"{origin(found, model.measurement)}; {len(model.split.runs)} runs put aside"
-    _write(folder.results / file, model, study.effects, found, note)
-    effects = tuple(effect.canonical() for effect in found.effects)
     without = {
         kind: extend(
             ground,
@@ -91,6 +85,12 @@ def fit(
         for kind in kinds
         if len(kinds) > 1
     }
+    found = extend(ground, begun, kinds, forms=forms, smaller=tuple(without.values()))
+    file = _study_name(model, kinds, key)
+    study = model.study.model_copy(update={"effects": begun})
+    note = f"{origin(found, model.measurement)}; {len(model.split.runs)} runs put aside"
+    _write(folder.results / file, model, study.effects, found, note)
+    effects = tuple(effect.canonical() for effect in found.effects)
     return {
         "what": "fit",
         "kinds": list(kinds),

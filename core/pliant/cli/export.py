@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,7 @@ from pliant.pipeline.study import StudyRun, check_study, laws_of_study, physics_
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
+from pliant.records.mount import Mount
 from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
 
@@ -138,8 +140,21 @@ def export(
         here.say(NOT_WRITTEN)
     elif engine.capabilities.export in ACTS:
         here.say(ACTS[engine.capabilities.export])
+    if carried.chain.mount is not None:
+        here.say(_onto(carried.chain.mount, files))
     for sentence in carried.sentences:
         here.say(sentence)
+
+
+def _onto(mount: Mount, files: Sequence[Path]) -> str:
+    """How the robot of a file gets onto the study's arm, which is not in it."""
+    module = next((file.stem for file in files if file.suffix == ".py"), None)
+    said = f"The arm is not in it: its world is the frame of '{mount.at}'."
+    return (
+        said
+        if module is None
+        else f"{said} {module}.mount({str(mount.file)!r}, at={mount.at!r}) puts it there."
+    )
 
 
 def _export_reachable(here: Session, study: Study, out: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -9,9 +10,11 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
+from pliant.interfaces.study_loads import either
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.records.actuation import expected, is_known
 from pliant.records.chain import GRAVITY_M_S2
+from pliant.records.mount import Mount
 from pliant.units import Acceleration, Angle, Length, Mass, Ratio
 
 
@@ -131,13 +134,46 @@ class SegmentConfig(FrozenModel):
         return {name: value for name, value in super().canonical().items() if name != "actuators" or value}
 
 
+Place = Annotated[float, either("rad", "m", example="an angle such as '30 deg' or a length such as '20 mm'")]
+Command = Annotated[
+    float, either("rad", "m", "N*m", "N", example="a command such as '30 deg', '20 mm', '5 N*m' or '2 N'")
+]
+
+
+class MountConfig(FrozenModel):
+    """An arm that carries the chain: its file (MJCF), and the site or body at which the base stands."""
+
+    file: Path = Field(description="of the arm, MJCF; its meshes are found from there")
+    at: str = Field(min_length=1, description="name of the site or body in whose frame the base's pose is")
+    keyframe: str | None = Field(
+        None, description="where the arm begins and is held; by default the file's first"
+    )
+    joints: dict[str, Place] = Field(
+        default_factory=dict,
+        description="other positions of joints by name; a position servo there holds them",
+    )
+    ctrl: dict[str, Command] = Field(
+        default_factory=dict, description="other commands of actuators by name, in the actuator's own unit"
+    )
+
+    def record(self) -> Mount:
+        """What engines take."""
+        return Mount(self.file, self.at, self.keyframe, dict(self.joints), dict(self.ctrl))
+
+
 class BaseConfig(FrozenModel):
-    """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll."""
+    """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll.
+
+    In the world or, with `mount`, in the frame of a site or body of somebody else's arm.
+    """
 
     position_m: tuple[Length, Length, Length] = Field((0.0, 0.0, 0.0), description="in the world")
     quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = Field(None, description="w, x, y, z")
     direction: Vector | None = Field(None, description="where chain x points, in the world")
     roll_rad: Angle | None = Field(None, description="about the chain axis, with or without direction")
+    mount: MountConfig | None = Field(
+        None, description="an arm that carries the base, {file: arm.xml, at: attachment_site}; engine mujoco"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> BaseConfig:
@@ -180,6 +216,13 @@ class ChainConfig(FrozenModel):
         if self.segments and all(segment.rigid is not None for segment in self.segments):
             raise ValueError("a chain needs modules, and all its segments are rigid")
         return self
+
+    def canonical(self) -> dict[str, Any]:
+        """Without `mount` where there is none, as keys of earlier chains are."""
+        told = super().canonical()
+        if self.base.mount is None:
+            del told["base"]["mount"]
+        return told
 
     def as_segments(self) -> tuple[SegmentConfig, ...]:
         """The chain as segments, also when only `modules` is given; every turn told as a rotation."""

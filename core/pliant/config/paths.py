@@ -17,6 +17,7 @@ PATH_KEYS = (
     ("sweep", "designs"),
     ("family", "visual"),
     ("family", "file"),
+    ("chain", "file"),
 )
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import shutil
 from pathlib import Path
 
 from pliant.config.loading import StudyFile
+from pliant.config.mjcf_files import files_of
 from pliant.config.paths import change_paths
 from pliant.config.writing import as_node, name_of_file, yaml_writer
 from pliant.errors import UserError
@@ -37,6 +39,13 @@ def write_portable(source: Path, folder: Path) -> Path:
         (folder / place).mkdir(exist_ok=True)
         for one in (*found, *(note for note in notes if note.is_file())):
             _copy(one, folder / place / one.name)
+        if path.suffix.lower() == ".xml":  # an arm: with its meshes, which are found from there
+            for one in files_of(path)[1:]:
+                beside = Path(os.path.relpath(one, path.parent))
+                if ".." in beside.parts:
+                    raise UserError(f"{path}: it reads {one}, which lies outside its folder; put it inside.")
+                (folder / place / beside).parent.mkdir(parents=True, exist_ok=True)
+                _copy(one, folder / place / beside)
         return f"{place}/{path.name}"
 
     change_paths(values, carried)

@@ -63,8 +63,9 @@ class Extension:
         before: the error of the model as it was, all readings.
         after: the same with the effects.
         residuals: (t,) per run by output, of the fitted model.
-        left_out: the same with the readings of each condition left out of the fit that predicts them, and those of
-            the model as it was where a parameter would then not be known at all; None with one condition only.
+        left_out: the same with the readings of each condition left out of the fit that predicts them; where a
+            parameter would then not be known at all those of the model as it was, or of several kinds those of the
+            best smaller extension, left out likewise. None with one condition only.
         left_out_runs: the same run by run; repeats of the run that is left out are then fitted. Of a single run,
             blocks are left out (`blocks_of`).
         posterior: of the fitted parameters, about `values`.
@@ -144,6 +145,7 @@ def extend(
     *,
     forms: Collection[str] = (),
     profiles: bool = True,
+    smaller: Sequence[Extension] = (),
 ) -> Extension:
     """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
 
@@ -153,6 +155,8 @@ def extend(
         kinds: what to fit, jointly.
         forms: those of them whose forms vary too.
         profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
+        smaller: of several kinds, extensions by some of them, which this one shall not be worse than; those by each
+            new kind alone by default.
 
     Raises:
         UserError: an unknown kind, or one that makes no sense for this chain.
@@ -166,6 +170,11 @@ def extend(
     plain = fitter.look(present, np.zeros(0), parts).residual
     before = readings.unpack(plain)
     fit = fitter.fit(candidate, _starts(candidate, effects), parts)
+    if len(kinds) > 1:
+        smaller = smaller or _alone(ground, candidate, effects)
+        had = _had(candidate, effects)
+        fit = fitter.no_worse(fit, [had, *({**had, **one.fit.named} for one in smaller)])
+    without = _StandIn.of(readings, fitter, plain, smaller)
     after = readings.unpack(fit.residual)
     noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
@@ -184,24 +193,59 @@ def extend(
         before=score(before, noise.floors),
         after=score(after, noise.floors),
         residuals=after,
-        left_out=_left_out(readings, fit, plain, condition),
-        left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs))
-        or readings.unpack(heldout_residual(fit, blocks_of(readings), plain)),
+        left_out=_left_out(readings, fit, without.conditions, condition),
+        left_out_runs=_left_out(readings, fit, without.runs, np.arange(readings.n_runs))
+        or readings.unpack(heldout_residual(fit, blocks_of(readings), without.runs)),
         posterior=posterior.about(values),
         scatter=scatter_of(noise, after, len(fit.x)),
         exploration=explore(fitter, posterior, scale, fit.parts) if profiles else None,
     )
 
 
-def _starts(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Array]:
-    """The usual starts, and the values that effects of the study have now."""
+def _had(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> dict[str, float]:
+    """x by name of the values that effects of the study have now."""
     had = {effect.kind for effect in effects}
-    known = {
+    return {
         parameter.name: float(x)
         for parameter, x in zip(candidate.parameters, candidate.present(), strict=True)
         if parameter.kind in had and np.isfinite(x)
     }
+
+
+def _starts(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Array]:
+    """The usual starts, and the values that effects of the study have now."""
+    known = _had(candidate, effects)
     return [*candidate.starts(known), *(candidate.starts() if known else [])]
+
+
+def _alone(ground: Ground, candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Extension]:
+    """By each kind that the effects do not have yet, where there are several."""
+    had = {effect.kind for effect in effects}
+    new = [kind for kind in candidate.kinds if kind not in had]
+    forms = set(candidate.forms)
+    if len(new) < 2:
+        return []
+    return [extend(ground, effects, [kind], forms=forms & {kind}, profiles=False) for kind in new]
+
+
+@dataclass(frozen=True, eq=False)
+class _StandIn:
+    """(N,) residuals that stand where a parameter is not known without the readings: conditions, runs left out."""
+
+    conditions: Array
+    runs: Array
+
+    @staticmethod
+    def of(readings: ReadingVector, fitter: Fitter, plain: Array, smaller: Sequence[Extension]) -> _StandIn:
+        """Of the model as it was (`plain`), or of the smaller extension that fits best if that fits better.
+
+        What one effect is cannot be known without some runs; what the others beside it are can be.
+        """
+        best = min(smaller, key=lambda one: one.fit.mean_square(fitter.weights), default=None)
+        if best is None or not best.fit.mean_square(fitter.weights) < float(np.mean(plain**2)):
+            return _StandIn(plain, plain)
+        runs = readings.pack(best.left_out_runs)
+        return _StandIn(runs if best.left_out is None else readings.pack(best.left_out), runs)
 
 
 def _left_out(

@@ -164,6 +164,11 @@ class EffectFit:
         """Parameter values by ``kind.name``."""
         return self.candidate.values(self.x)
 
+    @property
+    def named(self) -> dict[str, float]:
+        """x by ``kind.name``."""
+        return {one.name: float(x) for one, x in zip(self.candidate.parameters, self.x, strict=True)}
+
     def mean_square(self, weights: Array | None = None) -> float:
         """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
         if weights is None:
@@ -229,6 +234,25 @@ class Fitter:
                 break
             found = self._fit(candidate, [found.x], finer)
         return found
+
+    def no_worse(self, fit: EffectFit, near: Sequence[Mapping[str, float]]) -> EffectFit:
+        """The fit, or the one that begins at the best of some smaller fits where that leaves less.
+
+        A smaller model is the larger one with the other effects at their neutral strength, x = 0: from there no descent
+        ends above it, while starts in the middle of the plausible range may end in a worse valley.
+
+        Args:
+            fit: from the usual starts.
+            near: x by ``kind.name`` (`EffectFit.named`); parameters that are not named are neutral.
+        """
+        names = [parameter.name for parameter in fit.candidate.parameters]
+        points = [np.array([known.get(name, 0.0) for name in names]) for known in near if known]
+        looked = [self.look(fit.candidate, x, fit.parts) for x in points]
+        best = min(looked, key=lambda one: one.mean_square(self.weights), default=fit)
+        if not best.mean_square(self.weights) < fit.mean_square(self.weights):
+            return fit
+        again = self.fit(fit.candidate, [best.x], fit.parts)
+        return again if again.mean_square(self.weights) < fit.mean_square(self.weights) else fit
 
     def steps(self, effects: Sequence[EffectConfig], least: int = 1) -> int:
         """Steps from sample to sample whose error is small beside the noise."""

@@ -217,7 +217,7 @@ class HypothesisSearch:
             kinds for kinds in leading if len(kinds) > 1 or EffectSet.of(self.registry, kinds, kinds).forms
         ]
         asked = [EffectSet.of(self.registry, kinds, kinds) for kinds in tried]
-        starts = [one.starts(self._known(kinds))[:1] for one, kinds in zip(asked, tried, strict=True)]
+        starts = [one.starts(self.fits[kinds].named)[:1] for one, kinds in zip(asked, tried, strict=True)]
         jobs = zip(asked, starts, map(self._steps, tried), strict=True)
         found = dict(zip(tried, self._fitted([(*job, False) for job in jobs]), strict=True))
         n = table.noise.n_effective
@@ -266,7 +266,7 @@ class HypothesisSearch:
                 continue
             rest = tuple(kind for kind in best if kind != out)
             part = EffectSet.of(self.registry, rest, set(rest) & set(self.fits[best].candidate.forms))
-            known = self._known(best)
+            known = self.fits[best].named
             x = np.array([known[parameter.name] for parameter in part.parameters])
             looked = self.fitter.look(part, x, self.fits[best].parts)
             if not np.all(np.isfinite(looked.residual)):
@@ -276,13 +276,6 @@ class HypothesisSearch:
             self._fit(sets, near=best)
             best = self._best([best, *sets])
         return best
-
-    def _known(self, kinds: Kinds) -> dict[str, float]:
-        """Parameters of a fitted set by name."""
-        fit = self.fits[kinds]
-        return {
-            parameter.name: float(x) for parameter, x in zip(fit.candidate.parameters, fit.x, strict=True)
-        }
 
     def _pays(self, larger: Kinds, smaller: Kinds) -> bool:
         evidence = log_evidence(self.table(), self.thresholds)
@@ -328,8 +321,8 @@ class HypothesisSearch:
     def _starts(self, candidate: EffectSet, near: Kinds | None) -> list[Array]:
         """Near a fitted set, or near each effect as it was fitted alone and near all of them."""
         if near is not None:
-            return candidate.starts(self._known(near))
-        alone = [self._known((kind,)) for kind in candidate.kinds if (kind,) in self.fits]
+            return candidate.starts(self.fits[near].named)
+        alone = [self.fits[(kind,)].named for kind in candidate.kinds if (kind,) in self.fits]
         if len(alone) < len(candidate.kinds) or len(alone) < 2:
             return candidate.starts()
         together = {name: x for known in alone for name, x in known.items()}

@@ -20,7 +20,7 @@ from pliant.measurements.beginnings import led_in
 from pliant.measurements.files import Sources, read_measurements
 from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
-from pliant.pipeline.simulate import check_capabilities, check_terms
+from pliant.pipeline.engine_checks import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

@@ -19,8 +19,10 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
+from pliant.records.mount import Carrier, Mount
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
 from pliant.records.scene import Contact, Scene, SceneState
+from pliant.records.shape import Shape
 
 # Half-width of central differences, as a share of an input.
 DIFFERENCE = 1e-3
@@ -42,6 +44,8 @@ class Capabilities:
         batch: `settle_batch` or `rollout_batch` uses all cores, not one case after another.
         contacts: `build_scene` is there.
         threads: `follow` may be called by several threads at once, and leaves Python's lock meanwhile.
+        arms_touch: fingers of a scene may touch each other.
+        mounts: a chain may stand on somebody else's arm (`ChainModel.mount`).
         export: the format that `export` writes ("mjcf", "urdf"), empty where there is none.
     """
 
@@ -52,17 +56,23 @@ class Capabilities:
     batch: bool = False
     contacts: bool = False
     threads: bool = False
+    arms_touch: bool = False
+    mounts: bool = False
     export: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationState:
-    """Snapshot: time, joint coordinates (n, a), their rates (n, a), memory of law terms (n, a, states)."""
+    """Snapshot: time, joint coordinates (n, a), their rates (n, a), memory of law terms (n, a, states).
+
+    `carrier`: the engine's own numbers of what the chain is mounted on.
+    """
 
     time_s: float
     position: Array
     velocity: Array
     memory: Array | None = None
+    carrier: Array | None = None
 
 
 class EngineHandle:
@@ -129,6 +139,10 @@ class Simulation(EngineHandle, ABC):
 
         A joint's marker is the origin of the body that it carries: on a prismatic joint it moves with q.
         """
+
+    def carrier(self) -> Carrier | None:
+        """What the chain stands on, as it stands now; None where its base is fixed in the world."""
+        return None
 
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the equilibrium that the last `settle` ended in.
@@ -306,6 +320,18 @@ class PhysicsBackend(Configured[PhysicsConfig]):
     def export_scene(self, scene: Scene, path: Path) -> tuple[Path, ...]:
         """Write a scene at rest as `export` does a chain; returns all files that were written, `path` first."""
         raise ContractError(f"{type(self).__name__} writes no scenes")
+
+    def check_mount(self, mount: Mount) -> None:
+        """Look whether the arm is there and can carry a chain, before anything is solved.
+
+        Raises:
+            UserError: a file that cannot be read, a name that it does not have.
+        """
+        raise ContractError(f"{type(self).__name__} has no mounts (Capabilities.mounts is False)")
+
+    def mount_shapes(self, mount: Mount) -> tuple[tuple[Shape, ...], ...]:
+        """What is to be seen of the arm, per body, in the order of `Carrier.bodies_m`."""
+        raise ContractError(f"{type(self).__name__} has no mounts (Capabilities.mounts is False)")
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Equilibria of many chains, each from its straight state; one case after another by default."""

@@ -11,7 +11,7 @@ from pliant.interfaces.base import FrozenModel
 from pliant.units import UnitError, parse_quantity
 
 
-def _either(*units: str, example: str) -> Any:
+def either(*units: str, example: str) -> Any:
     """A quantity in one of several units, which the module decides between."""
 
     def parse(value: Any) -> Any:
@@ -28,13 +28,11 @@ def _either(*units: str, example: str) -> Any:
 
 
 Actuation = Annotated[
-    float, _either("Pa", "N", example="a pressure such as '0.5 kPa' or a force such as '1 N'")
+    float, either("Pa", "N", example="a pressure such as '0.5 kPa' or a force such as '1 N'")
 ]
 Effort = Annotated[
     float,
-    _either(
-        "N*m", "N", example="a moment such as '0.6 mN*m' or, on a prismatic joint, a force such as '1 N'"
-    ),
+    either("N*m", "N", example="a moment such as '0.6 mN*m' or, on a prismatic joint, a force such as '1 N'"),
 ]
 
 

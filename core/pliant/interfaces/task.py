@@ -30,6 +30,11 @@ class TaskConfig(ComponentConfig):
 class Task(Configured[TaskConfig]):
     """The simulate stage calls `prepare`, has the engine build what it returns, then calls `run`."""
 
+    @property
+    def mounts(self) -> bool:
+        """Whether it also makes sense for a chain whose base moves, on somebody else's arm (`ChainModel.mount`)."""
+        return False
+
     def prepare(self, chain: ChainModel) -> ChainModel:
         """The chain with the task's own gravity, payload or base; loads of the task win over the chain's."""
         return chain
@@ -70,6 +75,16 @@ class Task(Configured[TaskConfig]):
 
 class SceneTask(Configured[TaskConfig]):
     """A task with contact. It builds scenes of the chain, one per trial, and drives each of them."""
+
+    @property
+    def mounts(self) -> bool:
+        """See `Task.mounts`."""
+        return False
+
+    @property
+    def arms_touch(self) -> bool:
+        """Whether its scenes have arms that touch each other (`Scene.arms_touch`)."""
+        return False
 
     def prepare(self, chain: ChainModel) -> ChainModel:
         """The chain with the task's own loads, before effects are applied."""

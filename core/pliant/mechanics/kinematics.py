@@ -9,7 +9,7 @@ child's own x: the joint stays at the middle of the resting module, and all that
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,18 @@ class Pose:
     rest_frames: Array
     directions: Array
     pivots: Array
+
+    def moved(self, place_m: Array, turn: Array | None = None) -> Pose:
+        """The same chain with the frame in which it stands turned (3, 3), then moved (3,)."""
+        if turn is None:
+            return replace(self, origins=self.origins + place_m, pivots=self.pivots + place_m)
+        return Pose(
+            self.origins @ turn.T + place_m,
+            turn @ self.rotations,
+            turn @ self.rest_frames,
+            turn @ self.directions,
+            self.pivots @ turn.T + place_m,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ class Carried:
 
 def carried_chain(bench: Workbench, study: Study) -> Carried:
     """The study's chain as files carry it; all stages before it are done."""
-    chain = chain_of_study(bench, study).chain
+    chain = chain_of_study(bench, study, mounted=True).chain
     if study.task is not None:
         task: Task | SceneTask = bench.build("task", study.task)
         chain = task.prepare(chain)

@@ -193,6 +193,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         shapes=tuple(merged(piece) for piece in shapes) if any(shapes) else (),
         rings=tuple(rings),
         centre_line=(*line, rings[-1]),
+        mount=None if config.base.mount is None else config.base.mount.record(),
     )
 
 

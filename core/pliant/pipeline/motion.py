@@ -19,16 +19,17 @@ from pliant.interfaces.viewer import Handle
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map, log_map
 from pliant.pipeline.chain import Module, RigidPiece, Segment, build_chain, module_like, rigid_rod, rod_module
+from pliant.pipeline.engine_checks import check_capabilities, check_terms
 from pliant.pipeline.segments import DesignStages, chain_segments
-from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import StudyRun, chain_of_study, physics_of_study
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.motion import Motion
+from pliant.records.mount import Carrier
 from pliant.records.rollout import Inputs, Rollout
-from pliant.records.scene import Arm, Scene, SceneFrames
+from pliant.records.scene import Arm, FreeBody, Scene, SceneFrames
 from pliant.records.shape import HalfShapes, Shape, TriangleMesh
 
 # Radius of a module that has none, of its length.
@@ -55,7 +56,15 @@ def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
     times, angles = (np.zeros(1), result.final.joint_angles[None])
     if rollout is not None:
         times, angles = rollout.time_s, rollout.joint_angles
-    return Motion(chain_scene(task.prepare(looks)), chain_frames(times, angles))
+    carrier = result.final.carrier if rollout is None else rollout.carrier
+    scene, frames = chain_scene(task.prepare(looks)), chain_frames(times, angles)
+    if carrier is None or looks.mount is None:
+        return Motion(scene, frames)
+    if rollout is None:
+        carrier = Carrier.stacked([carrier])
+        assert carrier is not None
+    backend: PhysicsBackend = bench.build("physics", physics_of_study(bench, run.study))
+    return Motion(*on_arm(scene, frames, backend.mount_shapes(looks.mount), carrier))
 
 
 def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
@@ -112,6 +121,22 @@ def chain_frames(time_s: Array, coordinates: Array) -> SceneFrames:
     return SceneFrames(np.asarray(time_s, float), np.zeros((steps, 3)), (coordinates,), *none)
 
 
+def on_arm(
+    scene: Scene, frames: SceneFrames, shapes: Sequence[tuple[Shape, ...]], carrier: Carrier
+) -> tuple[Scene, SceneFrames]:
+    """A chain's scene and frames with the arm that carries it; `carrier` is that of the frames' times."""
+    seen = [k for k, one in enumerate(shapes) if one]
+    objects = tuple(FreeBody.seen(f"body {k}", shapes[k]) for k in seen)
+    placed = replace(
+        frames,
+        carriage_m=carrier.position_m,
+        carriage_turns=carrier.rotation,
+        positions_m=carrier.bodies_m[:, seen],
+        rotations=carrier.body_rotations[:, seen],
+    )
+    return replace(scene, objects=objects, carriers=len(objects)), placed
+
+
 def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
     """The frames at other times, between the recorded ones by straight lines and even turns."""
     last = len(frames.time_s) - 1
@@ -132,7 +157,11 @@ def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
         turns = turns @ exp_map(share[:, None, None] * turn)
     coordinates = tuple(between(q) for q in frames.coordinates)
     places = between(frames.carriage_m), coordinates, between(frames.positions_m)
-    return SceneFrames(np.asarray(time_s, float), *places, turns)
+    carried = frames.carriage_turns
+    if carried is not None:
+        turn = log_map(np.swapaxes(carried[left], -1, -2) @ carried[right])
+        carried = carried[left] @ exp_map(share[:, None] * turn)
+    return SceneFrames(np.asarray(time_s, float), *places, turns, carried)
 
 
 def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
@@ -143,6 +172,7 @@ def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
         tuple(q[index] for q in frames.coordinates),
         frames.positions_m[index],
         frames.rotations[index],
+        None if frames.carriage_turns is None else frames.carriage_turns[index],
     )
 
 

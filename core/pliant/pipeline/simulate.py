@@ -23,11 +23,13 @@ from pliant.interfaces.physics import (
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.mechanics.law_draws import draws
 from pliant.mechanics.shared_actuation import shared, unshared
+from pliant.pipeline.engine_checks import check_asked, check_capabilities, check_terms
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.law import JointLaw
+from pliant.records.mount import Carrier
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, TaskResult
 from pliant.records.scene import Contact, SceneState
 from pliant.registry.component import Component
@@ -121,6 +123,9 @@ class WithInputs(Simulation):
 
     def markers(self) -> Array:
         return self.inner.markers()
+
+    def carrier(self) -> Carrier | None:
+        return self.inner.carrier()
 
 
 class SceneWithInputs(SceneSimulation):
@@ -250,6 +255,7 @@ def run_task(
     for effect in effects:
         model = effect.apply(model)
     check_terms(backend, model.chain)
+    check_asked(backend, task)
     if isinstance(task, SceneTask):
         result = task.run(model.chain, _scene_engine(backend, model))
     else:
@@ -280,45 +286,10 @@ def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
 
 
 def _scene_engine(backend: PhysicsBackend, model: Model) -> SceneEngine:
-    """The engine's scenes, with the effects' input maps in front of them.
-
-    Raises:
-        UserError: the engine has no contacts.
-    """
-    kind = backend.config.kind
-    if not backend.capabilities.contacts:
-        raise UserError(
-            f"physics '{kind}' has no contacts, which this task needs; use 'mujoco' or 'pybullet'."
-        )
+    """The engine's scenes, with the effects' input maps in front of them."""
     if not model.inputs:
         return backend.build_scene
     return lambda scene: SceneWithInputs(backend.build_scene(scene), model)
-
-
-def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
-    """Raise `UserError` for law terms that the engine cannot follow."""
-    if any(term.needs_time for term in chain.terms) and not backend.capabilities.internal_states:
-        kind = backend.config.kind
-        raise UserError(
-            f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic' or "
-            "'mujoco', or leave them out of 'effects'."
-        )
-    if any(term.is_inertia for term in chain.terms) and backend.capabilities.dynamic:
-        raise UserError(
-            f"physics '{backend.config.kind}' accelerates the chain's masses by itself, and an effect that adds their "
-            "inertia would count them twice; leave it out of 'effects', or use physics 'quasistatic'."
-        )
-
-
-def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:
-    """Raise `UserError` for kinds of joints that the engine does not have."""
-    joints = {law.joint for law in chain.laws}
-    unknown = joints - set(backend.capabilities.joints)
-    if unknown:
-        raise UserError(
-            f"physics '{kind}' has no {', '.join(sorted(unknown))} joints; "
-            f"it has {', '.join(backend.capabilities.joints)}."
-        )
 
 
 def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from pliant.config.mjcf_files import files_of
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study
 from pliant.errors import MissingDependencyError, UserError
@@ -23,6 +24,8 @@ from pliant.pipeline.chain import (
     build_chain,
 )
 from pliant.pipeline.dataset import fem_stage
+from pliant.pipeline.engine_checks import check_engines
+from pliant.pipeline.loads import loads_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
 from pliant.pipeline.segments import (
@@ -37,7 +40,7 @@ from pliant.pipeline.segments import (
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import law_stage, without_tables
 from pliant.pipeline.visual import seen_surface
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.workbench import Workbench, content, digest
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.registry.component import Component
@@ -73,6 +76,7 @@ class StudyRun:
     unused: tuple[str, ...] = ()
     uncertainty: Artifact | None = None
     remarks: tuple[str, ...] = ()
+    loads: Artifact | None = None
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -187,9 +191,18 @@ def needs_fem(bench: Workbench, design: DesignSpec) -> bool:
     return wanted and design.family is not None
 
 
-def chain_of_study(bench: Workbench, study: Study) -> ChainSource:
-    """The study's chain, all stages before it done; effects are not in it."""
-    study.need("chain", "a simulation")
+def chain_of_study(bench: Workbench, study: Study, mounted: bool = False) -> ChainSource:
+    """The study's chain, all stages before it done; effects are not in it.
+
+    Raises:
+        UserError: among others, a chain on somebody else's arm, unless `mounted` says that the caller can have one.
+    """
+    chain = study.need("chain", "a simulation")
+    if chain.base.mount is not None and not mounted:
+        raise UserError(
+            "this works with a base that stays where it is: leave 'chain.base.mount' out. A robot on an arm can be "
+            "simulated, drawn and exported (pliant run, render, export)."
+        )
     check_study(bench, study)
     return _chain_source(bench, study, laws_of_study(bench, study))
 
@@ -206,6 +219,7 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     task = study.noisy_task()
     physics = physics_of_study(bench, study)
     check_study(bench, study)
+    check_engines(bench, study, physics, *study.cross_check)
     designs = laws_of_study(bench, study)
     source = _chain_source(bench, study, designs)
     engines = [EngineRun(physics.kind, simulate_stage(bench, source, physics, task, study.effects))]
@@ -219,9 +233,11 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     spread = None
     if study.uncertainty is not None:
         spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
+    own = engines[0].result
+    loads = None if own is None else loads_stage(bench, source, physics, task, study.effects, own)
     wall_s = time.perf_counter() - started
     unused, remarks = tuple(study.unused()), load_remarks(source.chain, task)
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks)
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks, loads)
 
 
 # A payload heavier than the chain by more is likely one in grams.
@@ -243,6 +259,12 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
     return tuple(found)
 
 
+def arm_content(study: Study) -> dict[str, Any]:
+    """What keys hold of the arm that carries the chain: its meshes and included files count by their content."""
+    mount = study.chain.base.mount if study.chain is not None else None
+    return {} if mount is None else {"arm": [digest(file) for file in files_of(mount.file)]}
+
+
 def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
@@ -258,6 +280,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
         "density_kg_m3": density_of(study),
     }
+    config |= arm_content(study)
     if own := region_densities(study):
         config["region_densities_kg_m3"] = own
     components = [bench.component("family", study.family)] if study.family else []

@@ -21,11 +21,16 @@ def content(config: FrozenModel) -> dict[str, Any]:
     return dict(_content(config, config.canonical()))
 
 
+def digest(path: Path) -> str:
+    """Of a file's content."""
+    with path.open("rb") as file:
+        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _content(value: Any, plain: Any) -> Any:
     """`plain`, the JSON form of `value`, with each existing file replaced by its digest."""
     if isinstance(value, Path) and value.is_file():
-        with value.open("rb") as file:
-            return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+        return digest(value)
     if isinstance(value, FrozenModel) and isinstance(plain, Mapping):
         return {name: _content(getattr(value, name, None), item) for name, item in plain.items()}
     if isinstance(value, Mapping) and isinstance(plain, Mapping):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pliant.records.design import Array, MassProperties
 from pliant.records.law import N_AXES, JointLaw
+from pliant.records.mount import Mount
 from pliant.records.shape import Shape
 from pliant.records.term import LawTerm
 
@@ -82,6 +83,7 @@ class ChainModel:
         terms: what effects add to the law of every joint.
         shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
         rings: base, the end of each segment, the last of them the tip; empty where segments are not known.
+        mount: what the base stands on, and its pose is relative to; None: the world.
         centre_line: base, both sides of each joint, tip; empty where it runs through the joints.
     """
 
@@ -98,6 +100,7 @@ class ChainModel:
     shapes: tuple[tuple[Shape, ...], ...] = ()
     rings: tuple[Ring, ...] = ()
     centre_line: tuple[Ring, ...] = ()
+    mount: Mount | None = None
 
     @property
     def n_joints(self) -> int:

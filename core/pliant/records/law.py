@@ -163,6 +163,13 @@ class JointLaw(ABC):
         """The same law for compiled engines; None where it has no such form, then engines call `evaluate`."""
         return None
 
+    def behind(self) -> tuple[JointLaw, float, float]:
+        """(law, α, γ): this law is τ with τ = law(p, v), v = α u + γ τ; itself, 1 and 0 where nothing stands around it.
+
+        So engines compile what effects shorten (α) or put a spring behind (γ in rad per N·m).
+        """
+        return self, 1.0, 0.0
+
     @abstractmethod
     def record(self) -> LawRecord:
         """The law as data; `Surrogate.load` makes the same law of it."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from pliant.formatting import unit_of
 from pliant.records.design import Array
+from pliant.records.mount import Carrier
 from pliant.records.scene import SceneFrames, SceneStill
 
 
@@ -95,6 +96,7 @@ class Equilibrium:
         converged: the engine reached its own tolerance; of a motion, that it could follow it.
         stable: the potential energy has a minimum here; None if the engine cannot tell.
         iterations: Newton iterations or time steps.
+        carrier: what the chain stands on, where that is not the world.
     """
 
     joint_angles: Array
@@ -105,6 +107,7 @@ class Equilibrium:
     iterations: int
     wall_s: float
     outside_domain: tuple[OutsideDomain, ...] = ()
+    carrier: Carrier | None = None
 
     @property
     def at_rest(self) -> bool:
@@ -119,12 +122,16 @@ class Equilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """A history: time_s (t,), actuation (t, inputs), joint_angles (t, n, a), markers_m (t, n + 2, 3)."""
+    """A history: time_s (t,), actuation (t, inputs), joint_angles (t, n, a), markers_m (t, n + 2, 3).
+
+    `carrier`: what the chain stands on at these times, where that is not the world.
+    """
 
     time_s: Array
     actuation: Array
     joint_angles: Array
     markers_m: Array
+    carrier: Carrier | None = None
 
 
 @dataclass(frozen=True, eq=False)

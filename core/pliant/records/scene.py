@@ -40,6 +40,11 @@ class FreeBody:
     position_m: Array
     rotation: Array
 
+    @staticmethod
+    def seen(name: str, shapes: tuple[Shape, ...]) -> FreeBody:
+        """A body that is only drawn."""
+        return FreeBody(name, MassProperties.none(), shapes, 0.0, np.zeros(3), np.eye(3))
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -56,6 +61,7 @@ class Scene:
         floor_friction: its coefficient.
         gravity_m_s2: (3,), for arms and objects alike; the chains' own is not used.
         arms_touch: whether arms collide with each other, and parts of one arm that are far apart along it.
+        carriers: so many of the objects, the first, are bodies of what carries the arm; only drawn.
     """
 
     arms: tuple[Arm, ...]
@@ -64,6 +70,7 @@ class Scene:
     floor_friction: float = 1.0
     gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
     arms_touch: bool = False
+    carriers: int = 0
 
 
 class Part(NamedTuple):
@@ -123,7 +130,8 @@ class SceneState:
 class SceneFrames:
     """A scene's motion as recorded: time_s (t,), carriage_m (t, 3), per arm coordinates (t, n, a), and objects.
 
-    positions_m (t, k, 3) and rotations (t, k, 3, 3) are those of the objects. No engine is needed to draw it.
+    positions_m (t, k, 3) and rotations (t, k, 3, 3) are those of the objects. No engine is needed to draw it. Where the
+    frame in which arms stand turns too, carriage_turns (t, 3, 3) is its attitude, and carriage_m its origin.
     """
 
     time_s: Array
@@ -131,6 +139,7 @@ class SceneFrames:
     coordinates: tuple[Array, ...]
     positions_m: Array
     rotations: Array
+    carriage_turns: Array | None = None
 
     @staticmethod
     def of(states: Sequence[SceneState]) -> SceneFrames:

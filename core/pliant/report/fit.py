@@ -335,9 +335,8 @@ def _table_lines(source: Path, fitted: ReportedLaw) -> list[str]:
         for name, side in zip(law.actuations, sides, strict=True)
     ]
     lines = [f"table    {source}: {count} states, {listed(spans)}"]
-    unit = deformation_unit(law)
     for axis, sides in zip(law.axes, law.domain.deformation, strict=True):
-        lines.append(f"         {axis}: u from {_span(sides, unit)}")
+        lines.append(f"         {axis}: u from {_span(sides, deformation_unit(law, axis))}")
     return lines
 
 

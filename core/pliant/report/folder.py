@@ -24,6 +24,7 @@ from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
+from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import TaskResult
 from pliant.registry.discovery import Registry
 from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically, writing_in
@@ -31,8 +32,8 @@ from pliant.tabular.fem_reading import read_table
 from pliant.tabular.fem_writing import write_table
 
 TABLE = re.compile(r"fem(_\d+)?\.csv|data/table\d+\.csv")
-UNCERTAINTY = "uncertainty"
-ARTIFACT = re.compile(rf"(fem|fit)\d+|simulate\d+_\w[\w.-]*|{UNCERTAINTY}")
+UNCERTAINTY, LOADS = "uncertainty", "loads"
+ARTIFACT = re.compile(rf"(fem|fit)\d+|simulate\d+_\w[\w.-]*|{UNCERTAINTY}|{LOADS}")
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class FinishedRun:
     `summary` is the result of the command; `provenance` holds one manifest per artifact, in the order of the
     stages; `segment_designs` says which of `designs` each segment of the chain has; `uncertainty` is what
     `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them; `engines` ran,
-    in the study's order, `skipped` did not: kind and cause.
+    in the study's order, `skipped` did not: kind and cause; `loads` are the first engine's poses under other loads.
     """
 
     summary: Mapping[str, Any]
@@ -80,6 +81,7 @@ class FinishedRun:
     segment_designs: tuple[int, ...] = ()
     uncertainty: Mapping[str, Any] | None = None
     skipped: tuple[tuple[str, str], ...] = ()
+    loads: LoadFrames | None = None
 
     def named(self, design: DesignResult) -> str:
         """The design's name as a sentence or a title begins with it; empty where there is one design."""
@@ -104,8 +106,17 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     skipped = tuple((e.kind, e.skipped) for e in run.engines if e.result is None)
     manifests = tuple(artifact.manifest for _, artifact in _artifacts(run))
     spread = run.uncertainty.value if run.uncertainty is not None else None
+    loads = run.loads.value if run.loads is not None else None
     return FinishedRun(
-        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread, skipped
+        summary,
+        run.study.canonical(),
+        designs,
+        engines,
+        manifests,
+        run.segment_designs,
+        spread,
+        skipped,
+        loads,
     )
 
 
@@ -156,7 +167,10 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
         segments = tuple(int(number) for number in index["segment_designs"])
         manifests = tuple(artifact.manifest for artifact in artifacts.values())
         spread = artifacts[UNCERTAINTY].value if UNCERTAINTY in artifacts else None
-        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread, skipped)
+        loads = artifacts[LOADS].value if LOADS in artifacts else None
+        return FinishedRun(
+            index["summary"], study, designs, engines, manifests, segments, spread, skipped, loads
+        )
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(
             f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."
@@ -196,6 +210,8 @@ def _artifacts(run: StudyRun) -> list[tuple[str, Artifact]]:
             found.append((_engine_name(number, engine.kind), engine.artifact))
     if run.uncertainty is not None:
         found.append((UNCERTAINTY, run.uncertainty))
+    if run.loads is not None:
+        found.append((LOADS, run.loads))
     return found
 
 

@@ -29,11 +29,15 @@ def chain_config(run: FinishedRun) -> ChainConfig | None:
 
 
 def base_pose(run: FinishedRun) -> tuple[Array, Array]:
-    """Position (3,) and rotation (3, 3) of the chain's base in the world."""
+    """Position (3,) and rotation (3, 3) of the chain's base in the world; on an arm, where that has come to."""
     chain = chain_config(run)
     if chain is None:
         return np.zeros(3), default_base_rotation()
-    return np.array(chain.base.position_m, float), base_rotation(chain.base)
+    position, rotation = np.array(chain.base.position_m, float), base_rotation(chain.base)
+    carrier = run.engines[0].result.final.carrier if run.engines else None
+    if carrier is None:
+        return position, rotation
+    return carrier.in_world(position), carrier.rotation @ rotation
 
 
 def gravity(run: FinishedRun) -> Array:

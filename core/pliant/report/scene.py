@@ -83,7 +83,7 @@ class Colouring:
 
 @dataclass(frozen=True, eq=False)
 class DrawnScene:
-    """Bodies over a slider.
+    """Bodies over a slider, or over two: all states under the first load, then under the second, and so on.
 
     Attributes:
         slider: what it moves through, e.g. "pressure".
@@ -94,6 +94,8 @@ class DrawnScene:
         camera: (3, 3) rows: unit vectors to the right, upwards and toward the viewer.
         middle_m, radius_m: a ball that holds all states.
         beside: whether the still picture stays beside it, as it shows more than the scene.
+        loads: the words of each load, e.g. "13 g"; empty where there is one.
+        load: the number of the one that is shown first.
     """
 
     slider: str
@@ -106,6 +108,8 @@ class DrawnScene:
     radius_m: float
     views: tuple[str, ...] = ()
     beside: bool = False
+    loads: tuple[str, ...] = ()
+    load: int = 0
 
     @property
     def script_data(self) -> str:
@@ -144,6 +148,8 @@ class DrawnScene:
             "middle": np.asarray(self.middle_m, float).tolist(),
             "radius": float(self.radius_m),
             "beside": self.beside,
+            "loads": [visible(one) for one in self.loads],
+            "load": self.load,
         }
         return script_json(shown | {"lists": pool.as_json()})
 

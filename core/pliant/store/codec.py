@@ -11,6 +11,8 @@ import numpy as np
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, FemState, ModuleData, ModuleShape
 from pliant.records.law import FitReport, LawRecord
+from pliant.records.load_frames import LoadFrames
+from pliant.records.mount import Carrier
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
 from pliant.records.scene import SceneFrames, SceneStill
 from pliant.records.search import (
@@ -26,7 +28,7 @@ from pliant.records.shape import Shape, TriangleMesh
 
 CLASSES: tuple[type[Any], ...] = (
     *(Design, FemDataset, FemState, ModuleData, ModuleShape, FitReport, LawRecord, Shape, TriangleMesh),
-    *(Equilibrium, OutsideDomain, Rollout, TaskResult, SceneFrames, SceneStill),
+    *(Carrier, LoadFrames, Equilibrium, OutsideDomain, Rollout, TaskResult, SceneFrames, SceneStill),
     *(FoundDesign, Robustness, SearchHistory, SearchResult, Slope, VariableRecord, Verification),
 )
 RECORDS = {cls.__name__: cls for cls in CLASSES}

@@ -16,7 +16,7 @@ from pydantic import Field
 from pliant.config.measurements import ColumnNotes, Name
 from pliant.errors import UserError
 from pliant.records.actuation import is_known, is_travel, kind_of
-from pliant.records.law import EXTENSION, JointKind
+from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointKind
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
 from pliant.tabular.schema import check_named, noted, notes_beside
 from pliant.tabular.units import conversion, stem, unit_in
@@ -25,7 +25,7 @@ ACTUATIONS = ("pressure_pa", "tendon_force_n")  # what a header without any is a
 LABELS = ("branch", "status", "role")
 EFFORTS = ("iterations", "wall_s")  # of the solver
 ALL = "all"  # axis of a state in which several are held
-WORDS = {"axis": ("x", "y", "z", ALL), "branch": ("free", "constrained"), "role": ("fit", "check")}
+WORDS = {"axis": (*EXTENSIBLE_AXES, ALL), "branch": ("free", "constrained"), "role": ("fit", "check")}
 # SI unit of what may come in another unit.
 UNITS = {
     **{"pressure_pa": "Pa", "tendon_force_n": "N", "angle_rad": "rad", "moment_n_m": "N*m"},
@@ -186,8 +186,9 @@ class StateHeader:
     def _of_slope(self, slope: re.Match[str]) -> float:
         """Factor to SI of a slope, which is in the units and signs of the columns that it is of."""
         effort, axis, place, along = slope.groups()
-        names = REVOLUTE if effort == "moment" else PRISMATIC
-        u, of = (name.split("_", 1) for name in names[:2])
+        of = (REVOLUTE if effort == "moment" else PRISMATIC).effort.split("_", 1)
+        travels = along == f"_{EXTENSION}" or (effort == "force" and along is None)
+        u = (PRISMATIC if travels else REVOLUTE).deformation.split("_", 1)
         of_input = [*self.inputs, ""][int(place or 1) - 1 : int(place or 1)]
         divisor = "".join(of_input) if "_dp" in slope[0] else f"{u[0]}{along or ''}_{u[1]}"
         return self.factors.get(f"{of[0]}{axis or ''}_{of[1]}", 1.0) / self.factors.get(divisor, 1.0)

@@ -15,6 +15,7 @@ from pliant.errors import UserError, closest
 from pliant.records.actuation import is_known, joined, kind_of
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
+from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointKind
 from pliant.tabular import fem_checks
 from pliant.tabular.cells import NOTHING, is_number
 from pliant.tabular.fem_columns import (
@@ -161,7 +162,7 @@ class StateTable:
     @property
     def axes(self) -> list[str]:
         """Axes with columns of their own."""
-        own = zip("xyz", self.names.of_axes("xyz"), strict=False)
+        own = zip(EXTENSIBLE_AXES, self.names.of_axes(EXTENSIBLE_AXES), strict=False)
         return [axis for axis, column in own if column in self.cells]
 
     @property
@@ -368,6 +369,15 @@ def _module(table: StateTable) -> ModuleData:
                 f"{table.path}, line {line}, column axis: a table of several axes needs u and the effort of all of "
                 f"them ({needed}) to be read as whole states"
             )
+    joint: JointKind = "prismatic" if names is PRISMATIC else "revolute"
+    if len(axes) > 1:
+        joint = "extensible" if EXTENSION in axes else "spherical"
+    if joint == "extensible" and axes != EXTENSIBLE_AXES:
+        lacking = [one for one in names.of_axes(EXTENSIBLE_AXES)[:4] if one not in table.cells]
+        raise UserError(
+            f"{table.path}: a joint that extends has all of the axes {', '.join(EXTENSIBLE_AXES)}, and the column "
+            f"{lacking[0]} is missing; a module that only extends has extension_m and force_n"
+        )
     # all axes are free on the free branch of the one that actuation drives, so only that one has such states
     free = [str(axis) for axis in explored[labels["branch"] == "free"] if axis in axes]
     n, k, m = len(table.lines), len(axes), len(table.inputs)
@@ -380,7 +390,7 @@ def _module(table: StateTable) -> ModuleData:
         _check_plausible(table, actuation, list(numbers.T))
     return ModuleData(
         design=Design(FAMILY, table.constants(table.parameters)),
-        joint="spherical" if k > 1 else "prismatic" if names is PRISMATIC else "revolute",
+        joint=joint,
         axes=axes,
         main_axis=free[0] if free else "y" if "y" in axes else axes[0],
         actuation_name=joined(table.inputs),

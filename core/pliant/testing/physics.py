@@ -23,6 +23,7 @@ from pliant.testing.samples import (
     MODULE_MASS_KG,
     PRESSURE_PA,
     chain_numbers,
+    linear_extensible_law,
     linear_law,
     linear_prismatic_law,
     linear_spherical_law,
@@ -363,3 +364,20 @@ def prismatic_joints_extend(subject: Subject) -> None:
     agree(settled.joint_angles, np.full((2, 1), each), finding, atol=POSITION_M)
     tip = [0.0, 0.0, -(chain.length_m + 2 * each)]
     agree(settled.tip_m, tip, "tip (m) of the extended chain", atol=2 * POSITION_M)
+
+
+def extensible_joints_turn_and_then_extend(subject: Subject) -> None:
+    """extensible joints: u is the child's rotation vector, then its travel e in metres along its own turned x axis."""
+    _needs_joint(subject, "extensible")
+    chain = sample_chain(linear_extensible_law(), modules=3, base={"direction": [1, 0, 0.3]}, payload=0.02)
+    for load, inputs in (
+        ("gravity", pressed(2 * PRESSURE_PA)),
+        ("loads at points", pressed(forces=(FORCE,))),
+    ):
+        settled = settled_under(subject, chain, inputs)
+        cause = "travels come behind turns, and their efforts are forces along the turned axis"
+        _require_balance(chain, inputs, settled, load, cause)
+        wanted = ChainGeometry.of(chain).markers(settled.joint_angles)
+        agree(
+            settled.markers_m, wanted, "markers (m): the child is not moved along its own x", atol=POSITION_M
+        )

@@ -16,7 +16,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array, Design, MassProperties
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset, IntArray, ModuleData
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import EXTENSIBLE_AXES, Domain, Effort, JointKind, JointLaw, LawRecord
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, FreeBody, Scene
 from pliant.records.shape import Shape
@@ -163,6 +163,17 @@ def linear_spherical_law() -> LinearLaw:
 def linear_prismatic_law() -> LinearLaw:
     """A joint that extends along x."""
     return LinearLaw(np.array([2e-5]), np.array([[400.0]]), Domain.unbounded(1), "prismatic", ("x",))
+
+
+def linear_extensible_law() -> LinearLaw:
+    """The three coupled axes of `linear_spherical_law` and an extension, which bending about y shortens."""
+    turns = linear_spherical_law()
+    stiffness = np.zeros((4, 4))
+    stiffness[:3, :3] = turns.stiffness
+    stiffness[3] = stiffness[:, 3] = [0.0, 0.3, 0.0, 400.0]
+    return LinearLaw(
+        np.append(turns.gain, 2e-5), stiffness, Domain.unbounded(4), "extensible", EXTENSIBLE_AXES
+    )
 
 
 def barred_law(law: LinearLaw, domain: Domain, size: float, seed: int = 0) -> LinearLaw:

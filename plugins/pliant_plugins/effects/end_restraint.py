@@ -60,6 +60,11 @@ class ShortLaw(LawAround):
         """The law's draws, shortened."""
         return tuple(ShortLaw(law, self.share) for law in self.law.draws(count, seed))
 
+    def behind(self) -> tuple[JointLaw, float, float]:
+        """See `JointLaw.behind`."""
+        law, stretch, give = self.law.behind()
+        return law, stretch / self.share, give
+
 
 class EndRestraintConfig(EffectConfig):
     """s and c k₀ at both ends."""

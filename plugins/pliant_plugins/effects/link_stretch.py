@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Readings, parameter
 from pliant.records.design import Array
 from pliant_plugins.effects.pressures import needs_pressure
@@ -55,6 +56,10 @@ class LinkStretch(Effect):
     def apply(self, model: Model) -> Model:
         """The model with one more map of its readings; angles and chain stay. Raises `UserError` without a pressure."""
         needs_pressure(self.config.kind, model.chain)
+        if model.chain.mount is not None:
+            raise UserError(
+                "effect 'link_stretch' needs a base that stays where it is: leave 'chain.base.mount' out."
+            )
         base = np.asarray(model.chain.base_position_m, float)
         return model.with_output(partial(_stretched, PER_MPA * self.config.strain_per_mpa, base))
 

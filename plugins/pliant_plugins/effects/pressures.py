@@ -36,8 +36,9 @@ def full_scale(chain: ChainModel) -> float:
     at, still = main_axis(chain.axes), np.zeros((1, len(chain.axes)))
     found = []
     for law in chain.laws:
-        effort = law.evaluate(np.zeros(1), still)
-        pull, stiffness = abs(float(effort.dtau_dp[0, at])), abs(float(effort.dtau_du[0, at, at]))
+        effort = law.evaluate(law.unactuated(1), still)
+        pull = float(np.abs(effort.dtau_dp[0, at]).max())
+        stiffness = abs(float(effort.dtau_du[0, at, at]))
         found.append(reach * stiffness / pull if pull > 0.0 else math.inf)
     return max(found)
 

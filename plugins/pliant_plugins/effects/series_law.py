@@ -43,7 +43,9 @@ class SeriesLaw(LawAround):
         p, q = np.asarray(actuation, float), np.asarray(deformation, float)
         _, effort = self._divided(p, q)
         stiffer = np.linalg.inv(np.eye(q.shape[1]) - self.compliance * effort.dtau_du)
-        return Effort(effort.tau, np.einsum("nab,nb->na", stiffer, effort.dtau_dp), stiffer @ effort.dtau_du)
+        return Effort(
+            effort.tau, np.einsum("nab,nb...->na...", stiffer, effort.dtau_dp), stiffer @ effort.dtau_du
+        )
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
         """See `JointLaw.potential`: that of the joint and of the spring."""
@@ -64,6 +66,11 @@ class SeriesLaw(LawAround):
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
         """See `JointLaw.draws`."""
         return tuple(SeriesLaw(law, self.compliance) for law in self.law.draws(count, seed))
+
+    def behind(self) -> tuple[JointLaw, float, float]:
+        """See `JointLaw.behind`."""
+        law, stretch, give = self.law.behind()
+        return law, stretch, give + stretch * self.compliance
 
     def record(self) -> LawRecord:
         """See `JointLaw.record`."""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
@@ -19,16 +18,7 @@ WITHOUT_FORM = ("The law is in the JSON file beside it.", "It has no form that o
 
 
 def stiffness_at_rest(chain: ChainModel) -> Array:
-    """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together.
-
-    Raises:
-        UserError: joints that files do not hold.
-    """
-    if chain.laws[0].joint == "extensible":
-        raise UserError(
-            "MJCF and URDF files of extensible joints are not written: a joint there would be a ball and a slide, and "
-            "what drives the files knows one of them. Use the physics 'quasistatic' or 'mujoco' of Pliant itself."
-        )
+    """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
     a = len(chain.axes)
     of_law = [law.evaluate(law.unactuated(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
     found = []

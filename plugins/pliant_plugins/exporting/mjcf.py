@@ -14,13 +14,16 @@ import numpy as np
 from pliant.exporting.written_law import has_form, identifier
 from pliant.inverse.limits import input_range
 from pliant.records.chain import ChainModel
+from pliant.records.design import Array
 from pliant.records.shape import Shape
 from pliant_plugins.exporting.content import SurfaceFiles, shapes_of, stiffness_at_rest
 from pliant_plugins.exporting.mujoco_module import DrivenArm, module_text
-from pliant_plugins.physics.mujoco.mjcf import add_chain, document, placed, text
+from pliant_plugins.physics.mujoco.mjcf import JOINT_TYPES, add_chain, document, placed, text
 
 SEEN, TOUCHED = "2", "3"  # MuJoCo's usual groups: visuals are shown, collision shapes are not
 TIMESTEP_S, SITE_M = 0.005, "0.001"
+# Behind the name of a joint: that of the slide beside its ball.
+EXTENDS = "_extension"
 THE_LAW = (
     " Written by Pliant. The joint law is not in this file, which alone is a spring with the law's stiffness at rest: "
     "{rest} SI units. "
@@ -36,9 +39,9 @@ def write_mjcf(
 ) -> tuple[Path, ...]:
     """Bodies `base`, `body_1`…`body_n`, `tip`, joints `joint_1`…`joint_n` with viscous `damping`.
 
-    A ball joint of MuJoCo has one stiffness: the mean of the law's three. The chain does not collide with itself. Its
-    inputs are actuators of their names without a force of their own, which the module `<name>_law.py` reads. Laws of
-    plugins that have no scalar form get no module.
+    A joint that also extends has a slide `joint_k_extension` behind its ball. A ball joint of MuJoCo has one stiffness:
+    the mean of the law's three. The chain does not collide with itself. Its inputs are actuators of their names without
+    a force of their own, which the module `<name>_law.py` reads. Laws without a scalar form get no module.
     """
     at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     module = path.with_name(f"{identifier(path.stem)}_law.py")
@@ -67,11 +70,8 @@ def write_mjcf(
     for number, body in enumerate(bodies):
         add(body, shapes_of(looks, number), group=SEEN, contype="0", conaffinity="0")
         add(body, shapes_of(chain, number), group=TOUCHED, contype="1", conaffinity="0")
-    joints = [joint for body in bodies for joint in body.findall("joint")]
-    for number, (joint, stiffness) in enumerate(zip(joints, at_rest, strict=True), start=1):
-        joint.set("name", f"joint_{number}")
-        joint.set("stiffness", repr(float(np.mean(np.diag(stiffness)))))
-        joint.set("damping", repr(damping))
+    for number, (body, stiffness) in enumerate(zip(bodies[1:], at_rest, strict=True), start=1):
+        name_joints(body, f"joint_{number}", stiffness, damping)
     add_sites(bodies)
     add_inputs(SubElement(root, "actuator"), chain)
     add_sensors(SubElement(root, "sensor"), chain)
@@ -81,6 +81,19 @@ def write_mjcf(
         return (path, *surfaces.written)
     module.write_text(driving, encoding="utf-8")
     return (path, module, *surfaces.written)
+
+
+def name_joints(body: Element, name: str, stiffness: Array, damping: float) -> None:
+    """Name, stiffness at rest (a, a) and damping of a body's joint; of its slide too where it has one beside."""
+    joint, *slides = body.findall("joint")
+    turns = np.diag(stiffness)[: len(stiffness) - len(slides)]
+    for one, ending, value in (
+        (joint, "", np.mean(turns)),
+        *((s, EXTENDS, stiffness[-1, -1]) for s in slides),
+    ):
+        one.set("name", name + ending)
+        one.set("stiffness", repr(float(value)))
+        one.set("damping", repr(damping))
 
 
 def add_sites(bodies: Sequence[Element], prefix: str = "") -> None:
@@ -108,7 +121,11 @@ def add_sensors(sensor: Element, chain: ChainModel, prefix: str = "") -> None:
     """The tip's place and attitude, every joint's coordinate and rate."""
     SubElement(sensor, "framepos", name=f"{prefix}tip_position", objtype="site", objname=f"{prefix}tip")
     SubElement(sensor, "framequat", name=f"{prefix}tip_attitude", objtype="site", objname=f"{prefix}tip")
-    kinds = ("ballquat", "ballangvel") if chain.laws[0].joint == "spherical" else ("jointpos", "jointvel")
-    for kind, name in zip(kinds, ("position", "velocity"), strict=True):
-        for k in range(1, chain.n_joints + 1):
-            SubElement(sensor, kind, name=f"{prefix}joint_{k}_{name}", joint=f"{prefix}joint_{k}")
+    ball, *slides = JOINT_TYPES[chain.laws[0].joint]
+    plain = ("jointpos", "jointvel")
+    first = ("ballquat", "ballangvel") if ball == "ball" else plain
+    for kinds, ending in ((first, ""), *((plain, EXTENDS) for _ in slides)):
+        for kind, name in zip(kinds, ("position", "velocity"), strict=True):
+            for k in range(1, chain.n_joints + 1):
+                joint = f"{prefix}joint_{k}{ending}"
+                SubElement(sensor, kind, name=f"{joint}_{name}", joint=joint)

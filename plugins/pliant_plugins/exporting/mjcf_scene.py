@@ -5,12 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element, SubElement, fromstring, indent, tostring
 
-import numpy as np
-
 from pliant.exporting.written_law import has_form, identifier
 from pliant.records.scene import Arm, Scene
 from pliant_plugins.exporting.content import stiffness_at_rest
-from pliant_plugins.exporting.mjcf import IN_MODULE, NOWHERE, THE_LAW, add_inputs, add_sensors, add_sites
+from pliant_plugins.exporting.mjcf import (
+    IN_MODULE,
+    NOWHERE,
+    THE_LAW,
+    add_inputs,
+    add_sensors,
+    add_sites,
+    name_joints,
+)
 from pliant_plugins.exporting.mujoco_module import DrivenArm, module_text
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_KG, scene_mjcf
@@ -64,10 +70,7 @@ def _add_arm(root: Element, arm: Arm, prefix: str, damping: float) -> None:
     names = [f"{prefix}base", *(f"{prefix}body_{k}" for k in range(1, n + 1))]
     bodies = [_found(root, f".//body[@name='{name}']") for name in names]
     for number, (body, stiffness) in enumerate(zip(bodies[1:], stiffness_at_rest(arm.chain), strict=True), 1):
-        joint = _found(body, "joint")
-        joint.set("name", f"{prefix}joint_{number}")
-        joint.set("stiffness", repr(float(np.mean(np.diag(stiffness)))))
-        joint.set("damping", repr(damping))
+        name_joints(body, f"{prefix}joint_{number}", stiffness, damping)
     add_sites(bodies, prefix)
 
 

@@ -12,8 +12,10 @@ import numpy as np
 
 from pliant.exporting.in_python import NUMPY, function_text, table_text
 from pliant.exporting.written_law import WrittenLaw, written
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
-from pliant.records.law import JointLaw
+from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointLaw
+from pliant_plugins.physics.mujoco.mjcf import JOINT_TYPES
 
 MARK = "# What the export fills in"
 BEGIN = "# --- the driver"
@@ -55,14 +57,17 @@ def module_text(arms: Sequence[DrivenArm], mjcf: str) -> str:
 
 def _arm(arm: DrivenArm, laws: Sequence[JointLaw]) -> dict[str, Any]:
     chain = arm.chain
-    a = len(chain.axes)
+    a, geometry = len(chain.axes), ChainGeometry.of(chain)
+    ball = JOINT_TYPES[geometry.kind][0] == "ball"
     of_joint = [
         (laws.index(chain.laws[joint.law]), _drives(chain, k)) for k, joint in enumerate(chain.joints)
     ]
     return {
         "joints": [f"{arm.prefix}joint_{k + 1}" for k in range(chain.n_joints)],
-        "ball": chain.laws[0].joint == "spherical",
-        "axes": ["xyz".index(axis) for axis in chain.axes] if chain.laws[0].joint == "spherical" else [0],
+        "ball": ball,
+        "slides": chain.axes[-1] == EXTENSION,  # behind each ball; its coordinate is the last
+        "axes": [EXTENSIBLE_AXES.index(axis) for axis in chain.axes] if ball else [0],
+        "reach": geometry.relative_reach.tolist(),
         "inputs": [arm.prefix + actuator.input for actuator in chain.actuators],
         "turns": [actuator.turn(a).tolist() for actuator in chain.actuators],
         "groups": [

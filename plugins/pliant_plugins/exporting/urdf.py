@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.exporting.as_json import READER
 from pliant.exporting.law_files import write_laws
 from pliant.exporting.written_law import has_form
@@ -30,6 +31,11 @@ from pliant_plugins.physics.pybullet.urdf import (
 
 def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
     """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`."""
+    if chain.laws[0].joint == "extensible":
+        raise UserError(
+            "URDF has no joint that turns and extends; write the robot as MJCF (a ball and a slide in each body), or "
+            "take a family whose joints turn alone."
+        )
     at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
     root = chain_tree(floored(chain), collisions=collisions)

@@ -110,6 +110,10 @@ class FollowPressure(Task):
 
     config: FollowPressureConfig
 
+    @property
+    def mounts(self) -> bool:
+        return self.config.recording is None
+
     def measures(self) -> tuple[str, ...]:
         modes = [f"mode_{k + 1}_{name}" for k in range(MODES) for name in ("frequency_hz", "damping_ratio")]
         steps = ("rise_time_s", "settling_time_s", "overshoot_share")
@@ -192,5 +196,6 @@ def _motion(simulation: Simulation, levels: list[Level]) -> list[Equilibrium]:
         q = simulation.snapshot().position.copy()
         loads = Loads.of(chain, level.inputs)
         outside = efforts.outside_domain(q, loads.actuation, level.time_s)
-        found.append(Equilibrium(q, simulation.markers(), float("nan"), held, None, 1, 0.0, tuple(outside)))
+        seen, carrier = simulation.markers(), simulation.carrier()
+        found.append(Equilibrium(q, seen, float("nan"), held, None, 1, 0.0, tuple(outside), carrier))
     return found

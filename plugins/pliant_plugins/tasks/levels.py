@@ -13,30 +13,40 @@ from pliant.interfaces.physics import Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel, Ring
 from pliant.records.design import Array
+from pliant.records.mount import Carrier
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, TaskResult
 
 OF_CHAINS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_displacement_m")
 OF_BENDING = ("bend_angle_rad", "max_joint_angle_rad")
 OF_EXTENSION = ("extension_m", "extension_strain")
+ON_MOUNTS = ("tip_on_mount_x_m", "tip_on_mount_y_m", "tip_on_mount_z_m", "mount_moved_m")
 # What `result_of` measures, of chains that bend and of chains that extend.
-MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, "unsettled_levels")
+MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, *ON_MOUNTS, "unsettled_levels")
 
 
 def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
     """Tip position, its distance from the straight chain's tip, and bending or extension of the joints.
 
     `bend_angle_rad` is the sum of the joints' main-axis angles, `max_joint_angle_rad` the largest turn of one
-    joint; prismatic chains have `extension_m` and `extension_strain` instead.
+    joint; prismatic chains have `extension_m` and `extension_strain` instead. On an arm the straight chain stands where
+    the arm has come to, and there is the tip in the frame of the mount, how far the mount is from where the arm
+    began, and `mount_joints`, what the arm's joints have come to (rad or m).
     """
     geometry = ChainGeometry.of(chain)
     straight: Array = geometry.markers(np.zeros_like(final.joint_angles))[-1]
-    tip = final.tip_m
+    tip, carrier = final.tip_m, final.carrier
+    if carrier is not None:
+        straight = carrier.in_world(straight)
     metrics: dict[str, Any] = {
         "tip_x_m": float(tip[0]),
         "tip_y_m": float(tip[1]),
         "tip_z_m": float(tip[2]),
         "tip_displacement_m": float(np.linalg.norm(tip - straight)),
     }
+    if carrier is not None:
+        metrics |= dict(zip(ON_MOUNTS, carrier.on_mount(tip).tolist(), strict=False))
+        metrics["mount_moved_m"] = float(np.linalg.norm(carrier.moved_m))
+        metrics["mount_joints"] = dict(zip(carrier.names, carrier.coordinates.tolist(), strict=True))
     if geometry.kind == "prismatic":
         extension = float(final.joint_angles.sum())
         return metrics | {"extension_m": extension, "extension_strain": extension / chain.length_m}
@@ -115,6 +125,7 @@ def result_of(
         actuation=np.array([[level.inputs.actuation[name] for name in inputs] for level in levels]),
         joint_angles=np.array([one.joint_angles for one in found]),
         markers_m=np.array([one.markers_m for one in found]),
+        carrier=Carrier.stacked([one.carrier for one in found]),
     )
     unsettled = sum(not one.converged for one in found)
     not_reached, last_held = _not_reached(chain, levels, found, asked)

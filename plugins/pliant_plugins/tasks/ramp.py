@@ -134,6 +134,10 @@ class FreeBending(Task):
 
     config: FreeBendingConfig
 
+    @property
+    def mounts(self) -> bool:
+        return True
+
     def measures(self) -> tuple[str, ...]:
         return MEASURED
 
@@ -160,6 +164,10 @@ class TipLoad(Task):
 
     def prepare(self, chain: ChainModel) -> ChainModel:
         return chain if self.config.payload_kg is None else chain.with_(payload_kg=self.config.payload_kg)
+
+    @property
+    def mounts(self) -> bool:
+        return True
 
     def measures(self) -> tuple[str, ...]:
         return MEASURED

@@ -18,6 +18,7 @@ from pliant_plugins.viewing.skins import Skin, dressed, skin_of, surface_of
 
 ARM = ((0.98, 0.85, 0.67, 1.0), (0.55, 0.72, 0.86, 1.0), (0.72, 0.82, 0.60, 1.0), (0.87, 0.64, 0.62, 1.0))
 OBJECT = ((0.86, 0.42, 0.30, 1.0), (0.30, 0.52, 0.72, 1.0), (0.45, 0.62, 0.35, 1.0))
+STEEL = (0.56, 0.60, 0.66, 1.0)  # an arm that carries a chain
 DARK = (0.24, 0.27, 0.33, 1.0)
 PAPER, LINE = (0.95, 0.96, 0.97), (0.62, 0.66, 0.73)
 MOUNT = 0.035  # thickness of the base plate, of the extent
@@ -82,17 +83,16 @@ class SceneDrawing:
 
     def place(self, frames: SceneFrames, index: int) -> None:
         """Put every body where frame `index` has it."""
-        carriage = frames.carriage_m[index]
         for number, geometry in enumerate(self._geometries):
-            pose = geometry.forward(frames.coordinates[number][index])
+            pose = _pose(geometry, frames, number, index)
             for body in range(geometry.n_joints + 1):
-                self._put(f"arm{number}_{body}", pose.origins[body] + carriage, pose.rotations[body])
+                self._put(f"arm{number}_{body}", pose.origins[body], pose.rotations[body])
             if (skin := self._skins[number]) is not None:
                 for bone, (origin, turn) in enumerate(zip(*skin.bones(pose), strict=True)):
-                    self._put(f"bone{number}_{bone}", origin + carriage, turn)
+                    self._put(f"bone{number}_{bone}", origin, turn)
             if self.scene.arms[number].chain.payload_kg > 0:
                 tip = pose.origins[-1] + pose.rotations[-1] @ geometry.tip_offset
-                self._put(f"payload{number}", tip + carriage, self._upright)
+                self._put(f"payload{number}", tip, self._upright)
         for number in range(len(self.scene.objects)):
             self._put(f"object{number}", frames.positions_m[index, number], frames.rotations[index, number])
         mujoco.mj_forward(self.model, self.data)
@@ -122,8 +122,9 @@ class SceneDrawing:
             self._add_arm(spec, number, arm.chain, self._skins[number])
         for number, thing in enumerate(self.scene.objects):
             body = spec.worldbody.add_body(name=f"object{number}", mocap=True)
+            colour = STEEL if number < self.scene.carriers else OBJECT[number % len(OBJECT)]
             for k, shape in enumerate(thing.shapes):
-                _add_shape(spec, body, shape, OBJECT[number % len(OBJECT)], f"object{number}_{k}")
+                _add_shape(spec, body, shape, colour, f"object{number}_{k}")
         return spec
 
     def _add_arm(self, spec: mujoco.MjSpec, number: int, chain: ChainModel, skin: Skin | None) -> None:
@@ -195,9 +196,8 @@ class SceneDrawing:
         chosen = np.unique(np.linspace(0, len(frames.time_s) - 1, 12).astype(int))
         points = []
         for index in chosen.tolist():
-            carriage = frames.carriage_m[index]
             for number, geometry in enumerate(self._geometries):
-                pose = geometry.forward(frames.coordinates[number][index])
+                pose = _pose(geometry, frames, number, index)
                 skin = self._skins[number]
                 tip = pose.origins[-1] + pose.rotations[-1] @ geometry.tip_offset
                 seen = [pose.origins, tip[None]]
@@ -210,13 +210,20 @@ class SceneDrawing:
                         skin, self._straight[number], MOUNT * np.ptp(pose.origins, axis=0).max()
                     )
                     seen.append((middle + SIGNS * half) @ pose.rotations[0].T + pose.origins[0])
-                points.append(np.vstack(seen) + carriage)
+                points.append(np.vstack(seen))
             for number, thing in enumerate(self.scene.objects):
                 corners = np.concatenate([_corners(shape) for shape in thing.shapes])
                 turn = frames.rotations[index, number]
                 points.append(corners @ turn.T + frames.positions_m[index, number])
         every = np.concatenate(points)
         return Extent(np.array([every.min(axis=0), every.max(axis=0)]), every)
+
+
+def _pose(geometry: ChainGeometry, frames: SceneFrames, number: int, index: int) -> Pose:
+    """An arm of the scene in the world at a frame."""
+    turns = frames.carriage_turns
+    pose = geometry.forward(frames.coordinates[number][index])
+    return pose.moved(frames.carriage_m[index], None if turns is None else turns[index])
 
 
 def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: Array, size_m: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from tests.conformance.broken import Variants
 
 from pliant.interfaces.physics import Capabilities, SimulationState
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import left_jacobian
 from pliant.records.chain import ChainModel, default_base_rotation
 from pliant.records.design import Array
@@ -178,6 +179,17 @@ def _slides_doubled(up: Any, self: Any) -> Equilibrium:
     )
 
 
+def _grown_before_it_turned(up: Any, self: Any) -> Equilibrium:
+    """Joint 1 is moved along its parent's axis."""
+    good: Equilibrium = up()
+    if self.chain.laws[0].joint != "extensible":
+        return good
+    turned = ChainGeometry.of(self.chain).forward(good.joint_angles).rotations
+    moved = good.markers_m.copy()
+    moved[2:] += good.joint_angles[0, -1] * (turned[0, :, 0] - turned[1, :, 0])
+    return replace(good, markers_m=moved)
+
+
 def _forgetting_earlier_runs(
     up: Any, self: Any, chain: Any, histories: list[History], towards: Any = ()
 ) -> Any:
@@ -248,6 +260,7 @@ simulated("closes_cleanly", close=_closing_once)
 chained("leaves_the_chain_alone", _scaling_masses)
 simulated("spherical_efforts_are_energy_consistent", settle=_by_naive_torques)
 simulated("prismatic_joints_extend", settle=_slides_doubled)
+simulated("extensible_joints_turn_and_then_extend", settle=_grown_before_it_turned)
 
 # -- histories, batches, derivatives, files
 

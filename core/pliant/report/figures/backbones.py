@@ -110,7 +110,8 @@ def backbone(run: StudyRun, path: Path) -> None:
         raise UserError("a backbone plot is of one chain; a scene with objects is drawn without --backbone.")
     geometry = ChainGeometry.of(run.chain)
     settled = result.final.markers_m
-    rest = geometry.markers(np.zeros_like(result.final.joint_angles)) + (settled[0] - geometry.base_position)
+    rest, carrier = geometry.markers(np.zeros_like(result.final.joint_angles)), result.final.carrier
+    rest = rest + (settled[0] - geometry.base_position) if carrier is None else carrier.in_world(rest)
     curve = result.metrics.get("target_points_m")
     target = None if curve is None else np.array(curve, float)
     shown = [rest, settled] if target is None else [rest, settled, target]

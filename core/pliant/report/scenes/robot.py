@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.colors import Colormap
@@ -10,6 +11,7 @@ from matplotlib.colors import Colormap
 from pliant.formatting import Unit, actuation_unit, deformation_unit, display_unit, unit_of
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
+from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import Rollout
 from pliant.report.chart import ChartAxis
 from pliant.report.figures import body, style
@@ -26,18 +28,40 @@ SLENDER = 0.16  # radius of a rod over the length of a module
 BEND, BAND, APART = "bend", "band", "apart"
 
 
-def robot_scene(run: FinishedRun) -> DrawnScene | None:
-    """The chain of the first engine over its history; None without one, or where contact holds it."""
+@dataclass(frozen=True, eq=False)
+class StateError:
+    """How far a model is off in each sample of the first engine's history: in words with a unit, (t,) in it."""
+
+    label: str
+    values: Array
+
+
+def robot_scene(
+    run: FinishedRun, errors: Sequence[StateError] = (), other: str = "the farthest other engine"
+) -> DrawnScene | None:
+    """The chain of the first engine over its history, and over its load where the run has other loads too.
+
+    None without a history, or where contact holds the chain.
+
+    Args:
+        run: what was simulated.
+        errors: more to colour by.
+        other: what the other engines are called.
+    """
     if not run.engines or run.engines[0].result.stills:
         return None
     history = run.engines[0].result.rollout
     if history is None or len(history.time_s) < 2 or not np.isfinite(history.markers_m).all():
         return None
     at = np.unique(np.linspace(0, len(history.time_s) - 1, MOST_STATES).round().astype(int))
+    loads = run.loads or LoadFrames.only(history)
     shown = Rollout(
-        history.time_s[at], history.actuation[at], history.joint_angles[at], history.markers_m[at]
+        np.tile(history.time_s[at], len(loads.shares)),
+        np.tile(history.actuation[at], (len(loads.shares), 1)),
+        np.concatenate(loads.joint_angles[:, at]),
+        np.concatenate(loads.markers_m[:, at]),
     )
-    by_module = _by_module(run, at)
+    by_module = _by_module(run, shown, loads.own, at, errors, other)
     values = {name: column for name, (_, column) in by_module.items()}
     colourings = [colouring for colouring, _ in by_module.values()]
     modules = shaped_modules(run)
@@ -50,7 +74,7 @@ def robot_scene(run: FinishedRun) -> DrawnScene | None:
     camera = finger_camera(run)
     middle_m, radius_m = ball(shown.markers_m, thick)
     return DrawnScene(
-        *_words(run, shown),
+        *_words(run, shown, len(at)),
         tuple(skins),
         tuple(bodies),
         tuple(colourings),
@@ -58,31 +82,56 @@ def robot_scene(run: FinishedRun) -> DrawnScene | None:
         middle_m,
         radius_m,
         beside=True,
+        loads=loads.words,
+        load=loads.own,
     )
 
 
-def _words(run: FinishedRun, shown: Rollout) -> tuple[str, tuple[str, ...]]:
-    """What the slider moves through, and the words of each state."""
+def _words(run: FinishedRun, shown: Rollout, count: int) -> tuple[str, tuple[str, ...]]:
+    """What the slider moves through, and the words of each of its `count` states."""
     name = run.designs[0].law.actuation_name
     unit, moving = actuation_unit(name), not run.engines[0].result.final.at_rest
-    driven = [", ".join(unit.text(float(v), 3) for v in row) for row in shown.actuation]
+    driven = [", ".join(unit.text(float(v), 3) for v in row) for row in shown.actuation[:count]]
     if not moving:
         return unit_of(name).label if shown.actuation.shape[1] == 1 else "actuation", tuple(driven)
-    return "time", tuple(f"{t:.3g} s, {p}" for t, p in zip(shown.time_s.tolist(), driven, strict=True))
+    return "time", tuple(
+        f"{t:.3g} s, {p}" for t, p in zip(shown.time_s[:count].tolist(), driven, strict=True)
+    )
 
 
-def _by_module(run: FinishedRun, at: IntArray) -> dict[str, tuple[Colouring, Array]]:
-    """Of each colouring by module its ends and values (states, modules): bend, the law's band, other engines."""
+def _by_module(
+    run: FinishedRun,
+    shown: Rollout,
+    own: int,
+    at: IntArray,
+    errors: Sequence[StateError],
+    other: str,
+) -> dict[str, tuple[Colouring, Array]]:
+    """Of each colouring by module its ends and values (states, modules): bend, the law's band, errors, other engines.
+
+    Under other loads than the run's own neither errors nor other engines are known.
+    """
     first = run.engines[0].result.rollout
     assert first is not None
     law = run.designs[0].law
-    bend = first.joint_angles[at][:, :, main_axis(law)]
+    bend = shown.joint_angles[:, :, main_axis(law)]
+    mine = slice(own * len(at), (own + 1) * len(at))
+
+    def known(values: Array) -> Array:
+        found = np.full_like(bend, np.nan)
+        found[mine] = values
+        return found
+
     unit, found = deformation_unit(law), {}
     word = "extension" if law.joint == "prismatic" else "bend"
     found[BEND] = _coloured(BEND, f"{word} of the module", unit, bend, style.stress_map())
-    if (band := _band(run, first, at)) is not None:
+    if (band := _band(run, shown)) is not None:
         label = f"90 % band of the law, as {'an extension' if law.joint == 'prismatic' else 'an angle'}"
         found[BAND] = _coloured(BAND, label, unit, band, style.stretch_map())
+    for number, error in enumerate(errors):
+        column, name = known(error.values[at][:, None]), f"error {number}"
+        low, high = 0.0, float(np.nanmax(column, initial=0.0)) or 1.0
+        found[name] = Colouring(name, error.label, (low, high), ramp(style.stretch_map())), column
     others = [engine for engine in run.engines[1:] if engine.result.rollout is not None]
     apart = [
         np.linalg.norm(history.markers_m[at, 1:-1] - first.markers_m[at, 1:-1], axis=2)
@@ -90,27 +139,27 @@ def _by_module(run: FinishedRun, at: IntArray) -> dict[str, tuple[Colouring, Arr
         if (history := engine.result.rollout) is not None and history.markers_m.shape == first.markers_m.shape
     ]
     if apart:
-        label = "joint to the farthest other engine"
-        found[APART] = _coloured(APART, label, display_unit("m"), np.max(apart, axis=0), style.stretch_map())
+        column = known(np.max(apart, axis=0))
+        found[APART] = _coloured(APART, f"joint to {other}", display_unit("m"), column, style.stretch_map())
     return found
 
 
 def _coloured(name: str, label: str, unit: Unit, values: Array, colours: Colormap) -> tuple[Colouring, Array]:
     shown = unit.factor * np.asarray(values, float)
-    low, high = min(0.0, float(shown.min())), max(0.0, float(shown.max()))
+    low, high = float(np.nanmin(shown, initial=0.0)), float(np.nanmax(shown, initial=0.0))
     limits = (low, high if high > low else low + 1.0)
     return Colouring(name, ChartAxis(label, unit.symbol).text, limits, ramp(colours)), shown
 
 
-def _band(run: FinishedRun, history: Rollout, at: IntArray) -> Array | None:
+def _band(run: FinishedRun, shown: Rollout) -> Array | None:
     """(states, modules) half-width of the law's 90 % band over its slope: how far the joint may be off."""
     placed = module_designs(run)
-    if placed is None or history.actuation.shape[1] != 1:
+    if placed is None or shown.actuation.shape[1] != 1:
         return None
-    found = np.zeros((len(at), history.joint_angles.shape[1]))
+    found = np.zeros(shown.joint_angles.shape[:2])
     for j, number in enumerate(placed[0]):
         law = run.designs[number].law
-        p, u = history.actuation[at, 0], history.joint_angles[at, j]
+        p, u = shown.actuation[:, 0], shown.joint_angles[:, j]
         band, axis = law.band(p, u), main_axis(law)
         if band is None:
             return None

@@ -2,7 +2,7 @@
 // A body in space, drawn into a depth buffer: pieces are bent, mirrored and placed as each state says, then turned to the viewer.
 (() => {
   const {make, unpack} = PliantParts, SHARP = 0.75, STEP = 0.12, CALM = 160, LAMPS = [[-0.45, 0.65, 0.75, 0.5], [0.75, 0.1, 0.55, 0.16]];
-  const AMBIENT = 0.5, HEIGHT = 460, KEYS = "Arrows turn it, plus and minus zoom, 0 shows it as at first.";
+  const AMBIENT = 0.5, HEIGHT = 460, UNKNOWN = 200, KEYS = "Arrows turn it, plus and minus zoom, 0 shows it as at first.";
   const lamps = LAMPS.map(([x, y, z, s]) => { const n = Math.hypot(x, y, z); return [x / n, y / n, z / n, s]; });
 
   // Triangles of some faces of a skin; a node is there twice where faces meet at a sharp edge.
@@ -24,13 +24,23 @@
   }
 
   class Scene {
-    constructor(figure) {
-      const data = this.data = PliantParts.data(figure), lists = data.lists.map(unpack);
+    constructor(figure, data = PliantParts.data(figure)) {
+      this.figure = figure; this.still = figure.querySelector("img"); this.take(data);
+      this.state = data.states.length - 1; this.load = data.load; this.view = data.views[0] || ""; this.colouring = data.colourings[0]; this.home(); this.controls(); this.gather();
+    }
+    take(data) {
+      const lists = data.lists.map(unpack); this.data = data;
       for (const skin of data.skins) { skin.points = lists[skin.points]; skin.length = lists[skin.length]; skin.n = skin.points.length / 3 / skin.levels; skin.meshes = {};
         for (const name in skin.values) skin.values[name] = lists[skin.values[name]]; }
       for (const body of data.bodies) { for (const key of ["level", "angle", "rotation", "centre"]) body[key] = lists[body[key]];
         for (const name in body.values) body.values[name] = lists[body.values[name]]; }
-      this.figure = figure; this.state = data.states.length - 1; this.view = data.views[0] || ""; this.colouring = data.colourings[0]; this.home(); this.controls(); this.gather();
+    }
+    // The same robot as another model has it: what is looked at, and from where, stays.
+    retake(data) {
+      const {middle, radius} = this.data; this.take(data);
+      if (radius >= 0.8 * data.radius && radius <= 2 * data.radius) Object.assign(data, {middle, radius});
+      this.colouring = data.colourings.find(one => one.name === this.colouring.name) || data.colourings[0]; this.load = Math.min(this.load, Math.max(data.loads.length - 1, 0));
+      this.slider.max = data.states.length - 1; this.legend(); this.gather(); this.show(this.state);
     }
     home() { this.turned = Float64Array.from(this.data.camera); this.zoomed = 1; }
 
@@ -51,7 +61,7 @@
     }
     // Where every node is in this state, which way the surface looks there, and its value between the ends of the colours.
     place() {
-      const P = this.points, k = this.state, {name, limits: [low, high]} = this.colouring, one = 1 / ((high - low) || 1);
+      const P = this.points, k = this.state + this.load * this.data.states.length, {name, limits: [low, high]} = this.colouring, one = 1 / ((high - low) || 1);
       for (const {body, skin, ids, signs, first} of this.blocks) {
         const level = body.level[k], l0 = Math.max(0, Math.min(skin.levels - 1, Math.floor(level))), l1 = Math.min(l0 + 1, skin.levels - 1), w = level - l0;
         const A = skin.points, a = 3 * skin.n * l0, b = 3 * skin.n * l1, turn = body.angle[k], R = body.rotation, r = 9 * k, C = body.centre, c = 3 * k;
@@ -94,7 +104,7 @@
       this.fill(W, H, out);
       this.canvas.width = W; this.canvas.height = H;
       const c = this.canvas.getContext("2d"); c.putImageData(image, 0, 0); this.frame(c, W, H, fine);
-      this.box.dataset.drawn = `${this.state} ${this.view} ${this.colouring.name} ${Array.from(V, v => v.toFixed(3)).join(" ")} ${this.zoomed.toFixed(3)}`;
+      this.box.dataset.drawn = `${this.state} ${this.view} ${this.colouring.name} ${Array.from(V, v => v.toFixed(3)).join(" ")} ${this.zoomed.toFixed(3)}${this.data.loads.length ? ` load ${this.load}` : ""}`;
     }
     // Every triangle that looks this way, nearest first by the depth of each pixel.
     fill(W, H, out) {
@@ -111,14 +121,14 @@
             if (v < 0 || w < 0 || v + w > 1) continue;
             const z = az + v * bz + w * cz; if (z <= depth[p]) continue;
             depth[p] = z;
-            const at = 3 * Math.max(0, Math.min(255, Math.round(255 * (ad + v * bd + w * cd)))), light = al + v * bl + w * cl;
+            const shade = ad + v * bd + w * cd, at = 3 * (shade === shade ? Math.max(0, Math.min(255, Math.round(255 * shade))) : 256), light = al + v * bl + w * cl;
             out[p] = 0xff000000 | Math.min(255, ramp[at + 2] * light) << 16 | Math.min(255, ramp[at + 1] * light) << 8 | Math.min(255, ramp[at] * light);
           }
         }
       }
     }
     ramp() {
-      const colours = this.colouring.colours.map(text => [1, 3, 5].map(k => parseInt(text.slice(k, k + 2), 16))), found = new Float32Array(3 * 256);
+      const colours = this.colouring.colours.map(text => [1, 3, 5].map(k => parseInt(text.slice(k, k + 2), 16))), found = new Float32Array(3 * 257).fill(UNKNOWN);
       for (let k = 0; k < 256; k++) { const at = k / 255 * (colours.length - 1), low = Math.min(colours.length - 2, Math.floor(at)), w = at - low;
         for (let j = 0; j < 3; j++) found[3 * k + j] = (1 - w) * colours[low][j] + w * colours[low + 1][j]; }
       return found;
@@ -154,13 +164,17 @@
       this.slider = make("input", {type: "range", min: 0, max: data.states.length - 1, step: 1, value: this.state, "aria-label": data.slider});
       this.slider.addEventListener("input", () => { this.pause(); this.show(Number(this.slider.value)); }); this.said = make("output", {class: "state"});
       if (data.states.length > 1) { this.player = button("play", () => this.timer ? this.pause() : this.play()); const label = make("label", {class: "choice"}, `${data.slider} `); label.append(this.slider, this.said); bar.append(label); }
-      choice("colour", data.colourings.map(one => one.name), data.colourings.map(one => one.label), name => { this.colouring = data.colourings.find(one => one.name === name); this.legend(); this.place(); this.soon(); });
+      if (data.loads.length > 1) { const said = make("output", {class: "state"}, data.loads[this.load]), label = make("label", {class: "choice"}, "load ");
+        this.loadSlider = make("input", {type: "range", min: 0, max: data.loads.length - 1, step: 1, value: this.load, "aria-label": "load", "aria-valuetext": data.loads[this.load]});
+        this.loadSlider.addEventListener("input", () => { this.load = Number(this.loadSlider.value); said.textContent = this.data.loads[this.load]; this.loadSlider.setAttribute("aria-valuetext", said.textContent); this.place(); this.soon(); });
+        label.append(this.loadSlider, said); bar.append(label); }
+      choice("colour", data.colourings.map(one => one.name), data.colourings.map(one => one.label), name => { this.colouring = this.data.colourings.find(one => one.name === name); this.legend(); this.place(); this.soon(); });
       choice("show", data.views, data.views, name => { this.view = name; this.gather(); });
       button("zoom in", () => this.zoom(1.2)); button("zoom out", () => this.zoom(1 / 1.2)); button("as at first", () => { this.home(); this.soon(); });
-      const caption = this.figure.querySelector("img").getAttribute("alt");
+      const caption = this.still ? this.still.getAttribute("alt") : this.figure.getAttribute("aria-label");
       this.canvas = make("canvas", {tabindex: 0, role: "img", "aria-label": `${caption} In space. ${KEYS}`});
       this.scalebar = make("div", {class: "colours"}); this.box = make("div", {class: "space"}); this.box.append(this.canvas, this.scalebar); live.append(bar, this.box);
-      this.figure.querySelector("img").after(live); this.figure.classList.add("live");
+      if (this.still) this.still.after(live); else this.figure.prepend(live); this.figure.classList.add("live");
       if (data.beside) this.figure.classList.add("beside");
       else { const still = button("still picture", () => { const to = this.figure.classList.toggle("live"); this.box.hidden = !to; still.setAttribute("aria-pressed", String(!to)); if (to) this.soon(); }); still.setAttribute("aria-pressed", "false"); }
       this.canvas.style.height = `${HEIGHT}px`; this.pointers(); this.legend();
@@ -187,5 +201,6 @@
       c.addEventListener("keydown", e => { if (!e.ctrlKey && !e.metaKey && !e.altKey && this.key(e.key)) e.preventDefault(); });
     }
   }
+  PliantParts.Scene = Scene;
   PliantParts.whenSeen("figure[data-scene]", figure => { figure.scene = new Scene(figure); });
 })();

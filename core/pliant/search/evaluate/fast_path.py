@@ -17,6 +17,7 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.law_draws import draws
 from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, build_chain, family_module
+from pliant.pipeline.engine_checks import check_capabilities
 from pliant.pipeline.meta_model.designs import (
     MATERIAL,
     NO_PART_IN_THE_LAW,
@@ -26,7 +27,7 @@ from pliant.pipeline.meta_model.designs import (
 )
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignSpec, DesignStages, chain_segments, distinct_designs
-from pliant.pipeline.simulate import check_capabilities, run_task
+from pliant.pipeline.simulate import run_task
 from pliant.pipeline.study import needs_fem, own_law, physics_of_study
 from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.workbench import Workbench

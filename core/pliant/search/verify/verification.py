@@ -138,7 +138,7 @@ def engines_of(bench: Workbench, study: Study) -> list[PhysicsConfig]:
 
 def run_in(bench: Workbench, study: Study, engine: PhysicsConfig) -> TaskResult:
     """The task of a study in one engine, through the store."""
-    source = chain_of_study(bench, study)
+    source = chain_of_study(bench, study, mounted=True)
     result: TaskResult = simulate_stage(bench, source, engine, study.noisy_task(), study.effects).value
     return result
 

@@ -29,6 +29,7 @@ MJCF = "robot.xml"
 
 # --- the driver: everything below is the same in every export ---
 _installed: dict[int, tuple[mujoco.MjModel, list[_Arm]]] = {}
+_settling: set[int] = set()
 SMALL_ANGLE = 0.1
 SETTLE_STEP_S = 0.02
 
@@ -95,12 +96,14 @@ def settle(
 ) -> bool:
     """Move to the static equilibrium under the present `data.ctrl` and loads; whether it was reached.
 
-    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. `tolerance` is the largest
+    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down; slides beside balls, which
+    are stiff, creep under their implicit damping h K. `tolerance` is the largest
     unbalanced effort, N·m (N on prismatic joints). Stiff servos of an arm that the robot is mounted on need their own
     short `step_s`.
     """
     usual_s, model.opt.timestep = model.opt.timestep, step_s
     before = 0.0
+    _settling.add(id(model))
     try:
         for _ in range(most_steps):
             mujoco.mj_step(model, data)
@@ -113,6 +116,7 @@ def settle(
                     return True
             before = energy
     finally:
+        _settling.discard(id(model))
         model.opt.timestep = usual_s
         mujoco.mj_forward(model, data)
     return False
@@ -141,20 +145,24 @@ class _Arm:
         self.ball, self.axes = arm["ball"], np.array(arm["axes"])
         n = len(joints)
         width, dofs = (4, 3) if self.ball else (1, 1)
+        if arm["slides"]:  # the slide of a body comes behind its ball
+            width, dofs = width + 1, dofs + 1
+            model.jnt_stiffness[[model.joint(f"{name}_extension").id for name in self.names]] = 0.0
         self.qpos = model.jnt_qposadr[joints][:, None] + np.arange(width)
         self.dofs = model.jnt_dofadr[joints][:, None] + np.arange(dofs)
         self.inputs = np.array([model.actuator(prefix + name).id for name in arm["inputs"]])
         self.turns = np.array(arm["turns"], float)
         self.groups = [(g["law"], np.array(g["joints"]), slice(*g["drives"])) for g in arm["groups"]]
         self.damping = model.dof_damping[self.dofs].copy()
-        self.shape = (n, len(self.axes))
+        self.shape, self.reach = (n, len(self.axes)), np.array(arm["reach"])
         model.jnt_stiffness[joints] = 0.0  # the file's stiffness at rest: the laws have it
 
     def coordinates(self, data: mujoco.MjData) -> np.ndarray:
-        """(n, a) joint coordinates: angles, rotation vectors, extensions."""
+        """(n, a) joint coordinates: angles, rotation vectors, extensions behind them or alone."""
         if not self.ball:
             return data.qpos[self.qpos]
-        return _rotation_vectors(data.qpos[self.qpos])[:, self.axes]
+        found = data.qpos[self.qpos]
+        return np.hstack([_rotation_vectors(found[:, :4]), found[:, 4:]])[:, self.axes]
 
     def acting(self, u: np.ndarray, values: np.ndarray) -> Any:
         """For each group of joints and each law on it: joints, law, actuation, deformation, turn."""
@@ -173,13 +181,17 @@ class _Arm:
             effort, _, slope = LAWS[law](p, turned)
             tau[joints] += effort @ turn.T
             slopes[joints] += turn @ slope @ turn.T
-        implicit = model.opt.timestep * np.abs(slopes + slopes.transpose(0, 2, 1)).sum(axis=2) / 2
+        slopes = np.abs(slopes + slopes.transpose(0, 2, 1)) * self.reach
+        implicit = model.opt.timestep * slopes.sum(axis=2) / self.reach / 2
         if self.ball:
-            inverse = _right_jacobian_inverse(self._vectors(u))
-            tau = np.einsum("nji,nj->ni", inverse, self._vectors(tau))
+            inverse = _right_jacobian_inverse(self._vectors(u)[:, :3])
+            tau = self._vectors(tau)
+            tau[:, :3] = np.einsum("nji,nj->ni", inverse, tau[:, :3])
             implicit = self._vectors(implicit)
         # MuJoCo has taken the damping of the last call, the implicit part in it, off the forces already.
         held = (model.dof_damping[self.dofs] - self.damping) * data.qvel[self.dofs]
+        if self.ball and id(model) in _settling:
+            held[:, 3:] = 0.0
         data.qfrc_passive[self.dofs] += tau + held
         model.dof_damping[self.dofs] = self.damping + implicit
 
@@ -192,7 +204,7 @@ class _Arm:
         return [self.names[k] for k in sorted(found)]
 
     def _vectors(self, values: np.ndarray) -> np.ndarray:
-        out = np.zeros((len(values), 3))
+        out = np.zeros(self.dofs.shape)
         out[:, self.axes] = values
         return out
 

@@ -11,6 +11,7 @@ are products of small matrices. The globals' columns are kept apart from the spa
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,14 +22,15 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
-from pliant_plugins.fem.skfem.contact import PlaneContact
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.fibres import with_fibres
 from pliant_plugins.fem.skfem.kernel import projected
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion
-from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
+from pliant_plugins.fem.skfem.pattern import Coupling, Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
+from pliant_plugins.fem.skfem.stops import stop_energy
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
+from pliant_plugins.fem.skfem.walls import Contacts
 
 Rows = tuple[Array, ...]
 
@@ -39,7 +41,7 @@ class Assembler:
     Attributes:
         size: number of dofs, the globals left out.
         displacements, volumes, pressures: places of v, ϑ and q in x; U is stationary but not least in q.
-        contact: the skin that may meet the mirror planes; None where contact is not solved.
+        contacts: what the skin may meet; None where contact is not solved.
     """
 
     def __init__(
@@ -70,11 +72,10 @@ class Assembler:
         self.displacements, self.volumes = slice(0, v), slice(v, v + count)
         self.pressures = slice(v + count, self.size)
         cellwise = count if pressure is not None and pressure.vertices is None else 0
-        self.contact = (
-            PlaneContact.of(problem, material.shear_modulus_pa, self.volume_m3) if contact else None
-        )
+        self.contacts = Contacts.of(problem, material.shear_modulus_pa, self.volume_m3) if contact else None
         # the skin's nodes share cells: its group adds no entry to the matrix
-        groups += [] if self.contact is None else [3 * self.contact.faces.nodes]
+        groups += [] if self.contacts is None else [_dofs(self.contacts.skin.faces.nodes, 2)]
+        self._held = held
         self.pattern, (self._cell_scatter, *scatters) = sparsity(held, groups, cellwise)
         self._face_scatters, self._skin_scatter = scatters[: len(self.faces)], scatters[len(self.faces) :]
         self._rise = _rise_of_end(problem)
@@ -102,24 +103,47 @@ class Assembler:
         return self.problem.mesh.nodes_m + x[self.displacements].reshape(-1, 3)
 
     def elastic_energy(self, x: Array, second: bool = True) -> Terms | None:
-        """U (J) of the piece, its ribbons and what contact stores included; `None` where a cell is inverted.
+        """U (J) of the piece, its ribbons and what contact stores included; without `second` value and gradient.
 
-        Without `second` value and gradient alone.
+        `None` where a cell is inverted or walls went through each other.
         """
         total = self.strain_energy(x, second)
         if total is None:
             return None
-        touching = None if self.contact is None else self.contact.energy(x, self.globals)
+        if self.contacts is not None:
+            total = self._touching(x, total, second, self.contacts)
+            if total is None:
+                return None
         more = []
-        if self.contact is not None and touching is not None:
-            rows = (self.contact.faces.value[None, :, None],)
-            more.append(self._gather(x, touching, self.contact.weight, rows, self._skin_scatter[0]))
         turn, strain = self.globals.split(x)
         for ribbon in self.problem.ribbons:
             more.append(self._of_globals(*ribbon_energy(ribbon, self.problem.span_m, turn, strain)))
+        if self.contacts is not None:
+            stored = stop_energy(self.problem, self.contacts.skin, turn, strain)
+            more += [self._of_globals(*jet) for jet in stored]
         for terms in more:
             total = total.plus(1.0, terms if second else terms.slope)
         return total
+
+    def _touching(self, x: Array, total: Terms, second: bool, contacts: Contacts) -> Terms | None:
+        """Terms with what contact stores; None where walls went through each other."""
+        skin, planes = contacts.skin, contacts.planes
+        touching = None if planes is None else planes.energy(x, self.globals)
+        if touching is not None:
+            rows = (skin.faces.value[None, :, None],) * 2
+            terms = self._gather(x, touching, skin.weight, rows, self._skin_scatter[0])
+            total = total.plus(1.0, terms if second else terms.slope)
+        met = contacts.walls.near(x, self.globals.split(x)[1])
+        if met is None or not np.any(met.depth_m > 0):
+            return None if met is None else total
+        pressing = contacts.walls.pressing(met, x, self.globals)
+        pattern, (scatter,) = sparsity(self._held, [pressing.dofs])
+        none = np.zeros(len(self.pattern.indices))
+        terms = self._summed(x, pressing.value_j, pressing.columns, none, scatter)
+        if not second:
+            return total.plus(1.0, terms.slope)
+        values = scatter.values(pressing.matrix, len(pattern.indices))
+        return replace(total.plus(1.0, terms), coupling=Coupling(pattern, values))
 
     def strain_energy(self, x: Array, second: bool = True) -> Terms | None:
         """Strain energy (J) of the piece's solid; `None` where a cell is inverted."""
@@ -266,9 +290,9 @@ class Assembler:
         return Terms(value, first, matrix, border)
 
 
-def _dofs(nodes: IntArray) -> IntArray:
-    """Local dofs (m, 3 · nodes), component by component."""
-    return np.concatenate([3 * nodes + c for c in range(3)], axis=1)
+def _dofs(nodes: IntArray, components: int = 3) -> IntArray:
+    """Local dofs (m, components · nodes), component by component."""
+    return np.concatenate([3 * nodes + c for c in range(components)], axis=1)
 
 
 def _rise_of_end(problem: ModuleProblem) -> int | None:

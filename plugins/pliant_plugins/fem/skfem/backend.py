@@ -20,8 +20,9 @@ from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.basis import element_of
 from pliant_plugins.fem.skfem.contact import DEEPEST
-from pliant_plugins.fem.skfem.linear import LinearSolver, linear_solver
+from pliant_plugins.fem.skfem.linear import WideningSolver
 from pliant_plugins.fem.skfem.pattern import Terms
+from pliant_plugins.fem.skfem.stops import edges
 from pliant_plugins.fem.skfem.structure import SkfemStructure
 
 
@@ -30,7 +31,7 @@ class ModuleSystem:
     """One assembled problem and the solver of its matrix."""
 
     assembler: Assembler
-    linear: LinearSolver
+    linear: WideningSolver
 
     @property
     def count(self) -> int:
@@ -53,7 +54,7 @@ class ModuleSystem:
         works = [travel.gradient for travel in point.travels]
         columns = np.column_stack([potential.gradient, potential.border, *works])
         reduced = self.assembler.pattern.reduce(columns[:-G])
-        solved = self.linear.solve(potential.matrix, reduced)
+        solved = self.linear.solve(potential.matrix, reduced, potential.coupling)
         if not np.all(np.isfinite(solved)):
             raise SingularMatrixError("the tangent stiffness is singular")
         full = columns[-G:] - reduced[:, 1 : 1 + G].T @ solved
@@ -118,7 +119,7 @@ class SkfemSolver(RodSolver):
         self.assembler = Assembler(
             problem, material, config.dilatation, contact=config.self_contact == "solve"
         )
-        self.linear = linear_solver(config.linear_solver, self.assembler.pattern)
+        self.linear = WideningSolver(config.linear_solver, self.assembler.pattern)
         # a uniform shear of 1 stores this much: the natural scale of a correction's work
         unit = float(material.evaluate(np.eye(3)).tangent[0, 1, 0, 1] * self.assembler.volume_m3)
         tolerance = Tolerance(unit, config.tolerance, config.max_iterations, config.max_halvings)
@@ -137,10 +138,12 @@ class SkfemSolver(RodSolver):
         return self.problem.energy_scale * float(sum(volumes))
 
     def _touching(self, x: Array) -> Touch | None:
-        contact = self.assembler.contact
-        if contact is None:
+        contacts = self.assembler.contacts
+        if contacts is None:
             return None
-        share = contact.deepest(x, self._frame(x)[1])
+        turn, strain = self._frame(x)
+        beyond = [depth / contacts.skin.wall_m for depth, _, _ in edges(self.problem, turn, strain)]
+        share = max(contacts.deepest(x, strain), *beyond, 0.0)
         return "free" if share == 0 else "solved" if share <= DEEPEST else "deep"
 
     def _undeformed(self) -> Array:

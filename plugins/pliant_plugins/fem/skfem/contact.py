@@ -1,9 +1,9 @@
 """Frictionless contact with the mirror planes of a piece: neighbouring walls that meet, each its mirror image.
 
-In the rod frame the planes are the sections s = 0 and s = (1 + e) L, whatever the piece's angle, so that a point of
-the skin lies beyond one of them by
+In the rod frame the planes are the sections s = 0 and s = (1 + e) L, whatever the piece's angle, and y = 0 where half
+the width is solved, so that a point of the skin lies beyond one of them by
 
-    d = −((1 + e) X + v_x)   or   d = (1 + e)(X − L) + v_x,
+    d = −((1 + e) X + v_x),   d = (1 + e)(X − L) + v_x   or   d = −(Y + v_y),
 
 linear in the unknowns. Contact stores the energy Π_c = ∫ φ(d) dA over the undeformed skin,
 
@@ -12,7 +12,8 @@ linear in the unknowns. Contact stores the energy Π_c = ∫ φ(d) dA over the u
 a penalty whose pressure reaches the shear modulus μ where walls have given way by the share `GIVE` of their thickness
 (penalty contact: Wriggers, Computational Contact Mechanics, 2006, ch. 5). It is C² in the unknowns: forces have a
 potential, tangents are symmetric, slopes are exact, and what does not touch is left as it was, bit for bit. The kink
-that hard walls give the law where they meet is rounded over the pressure that first closes the gap.
+that hard walls give the law where they meet is rounded over the pressure that first closes the gap. Walls that meet
+within the piece: `walls`.
 """
 
 from __future__ import annotations
@@ -30,69 +31,103 @@ from pliant_plugins.fem.skfem.unknowns import Globals
 
 GIVE = 0.01  # of the wall: how deep a pressure of one shear modulus presses
 DEEPEST = 0.02  # of the wall: beyond it a state is no longer trusted, at 4 μ
+MIRROR = "symmetry"  # node set in the plane y = 0
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneContact:
-    """The skin that may meet a plane; f faces, q points.
+class Skin:
+    """The skin that may touch something; f faces, q points.
 
     Attributes:
         faces: quadrature of the skin, without what lies in a plane of symmetry or is held.
         weight: (f, q) reference areas.
-        side: (n,) of each plane, −1 at the start, 1 at the end.
-        ahead_m: (n, f, q) X of the points from each plane, positive beyond it.
         wall_m: thickness of the wall, twice the volume over the skin's area.
         shear_pa: μ.
     """
 
     faces: FaceData
     weight: Array
-    side: Array
-    ahead_m: Array
     wall_m: float
     shear_pa: float
 
     @staticmethod
-    def of(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> PlaneContact | None:
-        """None for a problem without planes."""
+    def of(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> Skin | None:
+        """None where no skin is left."""
         mesh = problem.mesh
         skin = mesh.skin[~_in_planes(problem)]
-        if not problem.contact_planes or not len(skin):
+        if not len(skin):
             return None
         faces = face_data(skin)
-        nodes = mesh.nodes_m[faces.nodes]
-        along = np.einsum("fai,qja->fqji", nodes, faces.slope)
+        along = np.einsum("fai,qja->fqji", mesh.nodes_m[faces.nodes], faces.slope)
         area = np.linalg.norm(np.cross(along[..., 0, :], along[..., 1, :]), axis=-1) * faces.weight
-        X = nodes[..., 0] @ faces.value.T
-        planes = {"start": (-1.0, -X), "end": (1.0, X - problem.span_m)}
-        side, ahead = zip(*(planes[name] for name in problem.contact_planes), strict=True)
-        wall = 2 * volume_m3 / float(area.sum())
-        return PlaneContact(faces, area, np.array(side), np.array(ahead), wall, shear_pa)
+        return Skin(faces, area, 2 * volume_m3 / float(area.sum()), shear_pa)
+
+    def law(self, depth_m: Array) -> tuple[Array, Array, Array]:
+        """φ (J/m²), φ' (Pa) and φ'' (Pa/m) of a wall that has given way so far."""
+        h = GIVE * self.wall_m
+        beyond = np.maximum(depth_m, 0.0) / h
+        return (
+            self.shear_pa * h / 3 * beyond**3,
+            self.shear_pa * beyond**2,
+            2 * self.shear_pa / h * beyond,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneContact:
+    """The skin and the planes that it may meet.
+
+    Attributes:
+        skin: what may touch.
+        normal: (n, 2) of each plane, its outward normal's x and y.
+        ahead_m: (n, f, q) how far the points are beyond each plane at rest.
+    """
+
+    skin: Skin
+    normal: Array
+    ahead_m: Array
+
+    @staticmethod
+    def of(problem: ModuleProblem, skin: Skin) -> PlaneContact | None:
+        """None for a problem without planes."""
+        nodes = problem.mesh.nodes_m[skin.faces.nodes]
+        X, Y = (nodes[..., c] @ skin.faces.value.T for c in (0, 1))
+        planes = {"start": ((-1.0, 0.0), -X), "end": ((1.0, 0.0), X - problem.span_m)}
+        chosen = [planes[name] for name in problem.contact_planes]
+        if 1 in problem.fixed.get(MIRROR, ()):
+            chosen.append(((0.0, -1.0), -Y))
+        if not chosen:
+            return None
+        normal, ahead = zip(*chosen, strict=True)
+        return PlaneContact(skin, np.array(normal), np.array(ahead))
 
     def depth(self, x: Array, strain: float) -> Array:
         """(n, f, q) by how much points lie beyond each plane, m; negative before it."""
-        moved = x[3 * self.faces.nodes] @ self.faces.value.T
-        return np.asarray((1 + strain) * self.ahead_m + self.side[:, None, None] * moved)
+        dofs, value = 3 * self.skin.faces.nodes, self.skin.faces.value.T
+        moved = np.stack([x[dofs] @ value, x[dofs + 1] @ value])
+        return np.asarray(self._stretch(strain) * self.ahead_m + np.tensordot(self.normal, moved, axes=1))
+
+    def _stretch(self, strain: float) -> Array:
+        """(n, 1, 1): 1 + e across sections, 1 else."""
+        return (1 + strain * np.abs(self.normal[:, 0]))[:, None, None]
 
     def deepest(self, x: Array, strain: float) -> float:
         """Largest share of the wall by which one has given way, 0 where nothing touches."""
-        return max(float(self.depth(x, strain).max()) / self.wall_m, 0.0)
+        return max(float(self.depth(x, strain).max()) / self.skin.wall_m, 0.0)
 
     def energy(self, x: Array, active: Globals) -> Pointwise | None:
-        """φ in (v_x, globals) at the skin's points, all planes together; None where nothing touches."""
+        """φ in (v_x, v_y, globals) at the skin's points, all planes together; None where nothing touches."""
         depth = self.depth(x, active.split(x)[1])
         if not np.any(depth > 0):
             return None
-        h = GIVE * self.wall_m
-        beyond = np.maximum(depth, 0.0) / h
-        pressure, stiffness = self.shear_pa * beyond**2, 2 * self.shear_pa / h * beyond
-        # d depends on v_x and, among the globals, on e alone
-        slope = np.zeros((*depth.shape, 1 + active.count))
-        slope[..., 0] = self.side[:, None, None]
+        energy, pressure, stiffness = self.skin.law(depth)
+        # d depends on v and, among the globals, on e alone
+        slope = np.zeros((*depth.shape, 2 + active.count))
+        slope[..., :2] = self.normal[:, None, None]
         if active.stretches:
-            slope[..., -1] = self.ahead_m
+            slope[..., -1] = np.abs(self.normal[:, :1, None]) * self.ahead_m
         return Pointwise(
-            (self.shear_pa * h / 3 * beyond**3).sum(axis=0),
+            energy.sum(axis=0),
             (pressure[..., None] * slope).sum(axis=0),
             np.einsum("nfq,nfqi,nfqj->fqij", stiffness, slope, slope),
         )

@@ -20,14 +20,15 @@ from scipy import sparse
 
 from pliant.errors import MissingDependencyError
 from pliant.records.design import Array
+from pliant.records.fem import IntArray
 from pliant_plugins.fem.iteration import SingularMatrixError
-from pliant_plugins.fem.skfem.pattern import Pattern
+from pliant_plugins.fem.skfem.pattern import Coupling, Pattern, distinct
 
 ACCURATE = 1e-9  # largest residual of a linear solution / its right-hand side
 
 
 class LinearSolver(Protocol):
-    """Solves K Z = B for values of K on the pattern it was made for."""
+    """Solves K Z = B for values of K on the pattern that it was made for."""
 
     name: str
 
@@ -214,3 +215,40 @@ def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern)
         return Pardiso(pattern)
     except MissingDependencyError:
         return SuperLU(pattern)
+
+
+class WideningSolver:
+    """Takes what walls that meet couple, too: a second solver whose pattern grows by it. The first is as it was."""
+
+    def __init__(self, kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> None:
+        self._kind: Literal["auto", "pardiso", "superlu"] = kind
+        self._pattern = pattern
+        self._first = self._last = linear_solver(kind, pattern)
+        self._keys: IntArray = np.zeros(0, np.int64)
+
+    @property
+    def name(self) -> str:
+        """Of the code that solves."""
+        return self._first.name
+
+    def solve(self, values: Array, right: Array, coupling: Coupling | None = None) -> Array:
+        """As `LinearSolver`, with the coupling added to the matrix."""
+        if coupling is None:
+            self._last = self._first
+            return self._first.solve(values, right)
+        more = coupling.pattern.keys
+        places = np.searchsorted(self._keys, more)
+        if not len(self._keys) or np.any(self._keys[np.minimum(places, len(self._keys) - 1)] != more):
+            own = self._pattern.keys
+            self._keys = distinct(np.concatenate([own, self._keys, more]))
+            self._own, places = np.searchsorted(self._keys, own), np.searchsorted(self._keys, more)
+            self._wide = linear_solver(self._kind, self._pattern.with_keys(self._keys))
+        full = np.zeros(len(self._keys))
+        full[self._own] = values
+        full[places] += coupling.values
+        self._last = self._wide
+        return self._wide.solve(full, right)
+
+    def again(self, right: Array) -> Array:
+        """As `LinearSolver`."""
+        return self._last.again(right)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -33,6 +33,17 @@ class Pattern:
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.free)
+
+    @property
+    def keys(self) -> IntArray:
+        """(nnz,) row · n + column of each entry, ascending."""
+        return np.asarray(np.repeat(np.arange(self.size), np.diff(self.indptr)) * self.size + self.indices)
+
+    def with_keys(self, keys: IntArray) -> Pattern:
+        """The same unknowns with other entries."""
+        rows = np.bincount(keys // self.size, minlength=self.size)
+        indptr = np.concatenate([[0], np.cumsum(rows)])
+        return replace(self, indptr=indptr, indices=keys % self.size)
 
     def expand(self, unknowns: Array) -> Array:
         """All dofs from the unknowns (n,) or (n, k)."""
@@ -71,6 +82,12 @@ class Scatter:
         return np.column_stack([np.bincount(flat, c.ravel(), size) for c in np.moveaxis(local, -1, 0)])
 
 
+def distinct(keys: IntArray) -> IntArray:
+    """Sorted and each once; several times quicker than NumPy's, which hashes."""
+    ordered = np.sort(keys)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(keys) else ordered
+
+
 def sparsity(
     constraints: Constraints, groups: list[IntArray], cellwise: int = 0
 ) -> tuple[Pattern, list[Scatter]]:
@@ -86,13 +103,21 @@ def sparsity(
         factor = sign[dofs[:, row]] * sign[dofs[:, column]] * np.where((i == j) & (row != column), 2.0, 1.0)
         key = np.minimum(i, j)[keep] * n + np.maximum(i, j)[keep]
         entries.append((dofs, offset[keep], key, factor[keep]))
-    keys = np.unique(np.concatenate([entry[2] for entry in entries]))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(keys // n, minlength=n))])
+    keys = distinct(np.concatenate([entry[2] for entry in entries]))
     scatter = [
         Scatter(dofs, chosen, np.searchsorted(keys, key), None if np.all(factor == 1) else factor)
         for dofs, chosen, key, factor in entries
     ]
-    return Pattern(constraints.first, constraints.spread, indptr, keys % n, cellwise), scatter
+    none: IntArray = np.zeros(0, np.int64)
+    return Pattern(constraints.first, constraints.spread, none, none, cellwise).with_keys(keys), scatter
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Values (nnz,) on a pattern over the same unknowns, upper triangle."""
+
+    pattern: Pattern
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +129,14 @@ class Terms:
         gradient: (n + G,) over all dofs, fixed ones too.
         matrix: (nnz,) Hessian over the unknowns, upper triangle on the `Pattern`; of a `slope` nothing.
         border: (n + G, G) Hessian's columns of the globals; of a `slope` no columns.
+        coupling: more of the Hessian over the unknowns, on a pattern of its own: walls that meet.
     """
 
     value: float
     gradient: Array
     matrix: Array
     border: Array
+    coupling: Coupling | None = None
 
     @property
     def slope(self) -> Terms:
@@ -117,10 +144,12 @@ class Terms:
         return Terms(self.value, self.gradient, self.matrix[:0], self.border[:, :0])
 
     def plus(self, factor: float, other: Terms) -> Terms:
-        """self + factor · other."""
+        """self + factor · other, of which only self may couple."""
+        assert other.coupling is None
         return Terms(
             self.value + factor * other.value,
             self.gradient + factor * other.gradient,
             self.matrix + factor * other.matrix,
             self.border + factor * other.border,
+            self.coupling,
         )

@@ -168,8 +168,8 @@ class PackedLaws:
             ]
         return PackedLaws(
             np.array(addresses, np.int64),
-            np.array(list(pairwise(ends)), np.int64),
-            np.concatenate([np.asarray(scalar.parameters, float) for scalar in known]),
+            np.array(list(pairwise(ends)), np.int64).reshape(-1, 2),
+            np.concatenate([np.zeros(0), *(np.asarray(scalar.parameters, float) for scalar in known)]),
             np.array([scalar.less_rest for scalar in known]),
             np.array(boxes, float),
             counts,

@@ -64,15 +64,6 @@ def combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at):  # t
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def net_input(signs, p):  # type: ignore[no-untyped-def]
-    """The sum of signed inputs."""
-    net = 0.0
-    for k in range(len(signs)):
-        net += signs[k] * p[k]
-    return net
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def net_of_joint(signs, drives, i, p):  # type: ignore[no-untyped-def]
     """The sum of the signed inputs that act on joint i."""
     net = 0.0

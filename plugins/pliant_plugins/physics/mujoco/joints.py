@@ -117,6 +117,10 @@ class ChainJoints:
         else:
             self._qpos[:], self._qvel[:] = q.ravel(), rates.ravel()
 
+    def slow(self, kept: float) -> None:
+        """Leave this share of every velocity."""
+        self._views[1][:] *= kept
+
     def views(self) -> tuple[Array, ...]:
         """MuJoCo's own numbers, flat: coordinates, velocities, forces, damping; tip force and bodies' places."""
         flat = [part.reshape(-1) for part in (self._qpos, self._qvel, self._applied, self._damping)]

@@ -252,15 +252,11 @@ class Quasistatic(PhysicsBackend):
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:
-        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path.
-
-        Its tables of laws are over one actuation, which all joints share.
-        """
-        apart = any(joint.drives for joint in chain.joints)
-        if chain.laws[0].joint != "revolute" or apart or any(len(law.actuations) > 1 for law in chain.laws):
-            return step_through(self.build, chain, histories, towards, self.config.longest_step_s)
+        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path."""
         if self._follower is None:
             from pliant_plugins.physics.quasistatic.histories import HingeFollower  # numba takes a second
 
             self._follower = HingeFollower(self.config)
-        return self._follower.follow(chain, histories, towards)
+        if all(self._follower.takes(one) for one in (chain, *(v.chain for v in towards))):
+            return self._follower.follow(chain, histories, towards)
+        return step_through(self.build, chain, histories, towards, self.config.longest_step_s)

@@ -10,7 +10,13 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.terms import STEP as SLOPE_STEP
-from pliant_plugins.physics.compiled.terms import combine, net_input
+from pliant_plugins.physics.compiled.efforts import call_wide_law
+from pliant_plugins.physics.compiled.terms import combine, net_of_joint
+
+# Newton of a law behind a spring: steps, the shortest share of one, and the turn (rad) to which it is known.
+MOST_STEPS = 40
+LEAST_SHARE = 1.0 / 64.0
+PRECISION_RAD = 1e-13
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
@@ -36,17 +42,54 @@ def law_at(cells, grid, size, law, p, u):  # type: ignore[no-untyped-def]
     return value, in_u / grid[law, 3]
 
 
+@njit(cache=True, error_model="numpy")
+def wide_law_at(wide, law, a, u):  # type: ignore[no-untyped-def]
+    """τ and ∂τ/∂u of a law of several actuations a (m,), called by its address: τ = law(a, v), v = α u + γ τ."""
+    addresses, spans, parameters, around, _, at, value, by_a, by_u = wide
+    c = parameters[spans[law, 0] : spans[law, 1]]
+    stretch, give = around[law, 0], around[law, 1]
+    at[0] = v = stretch * u
+    call_wide_law(addresses[law], a, at, c, value, by_a, by_u)
+    if give == 0.0:
+        return value[0], stretch * by_u[0, 0]
+    tau, tau_v, share = value[0], by_u[0, 0], 1.0
+    missing = -give * tau
+    for _ in range(MOST_STEPS):
+        step = share * missing / (1.0 - give * tau_v)
+        if not abs(step) > PRECISION_RAD:
+            break
+        at[0] = v - step
+        call_wide_law(addresses[law], a, at, c, value, by_a, by_u)
+        left = at[0] - stretch * u - give * value[0]
+        if abs(left) < abs(missing) or share <= LEAST_SHARE:
+            v, tau, tau_v, missing, share = at[0], value[0], by_u[0, 0], left, 1.0
+        else:
+            share *= 0.5
+    return tau, stretch * tau_v / (1.0 - give * tau_v)
+
+
 @njit(cache=True, forceinline=True, error_model="numpy")
 def effort(model, joint, law, u, before, dt, p, t, old, old_at, new, new_at):  # type: ignore[no-untyped-def]
     """τ' of one joint at angle u, and what `slope` needs of it; writes its new memory.
 
     Where all terms are moments the law is not split into its elastic and its actuation part.
     """
-    terms, cells, grid, size, signs, split = model
-    net = net_input(signs, p)
+    terms, cells, grid, size, signs, split, drives, wide = model
+    net = net_of_joint(signs, drives, joint, p)
     moment, elastic, actuation, rest = combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at)
     spring = driven = spring_u = driven_u = 0.0
-    for k in range(len(signs)):
+    first, last = drives[joint, 0], drives[joint, 1]
+    if drives[joint, 2] > 1:
+        spring, spring_u = wide_law_at(wide, law, p[first:last], u)
+        if split:
+            none = wide[4][: last - first]
+            straight, straight_u = wide_law_at(wide, law, none, u)
+            driven, driven_u = spring - straight, spring_u - straight_u
+            spring, spring_u = straight, straight_u
+            if rest != 0.0:
+                spring, spring_u = wide_law_at(wide, law, none, u - rest)
+        last = first
+    for k in range(first, last):
         s = signs[k]
         own, own_u = law_at(cells, grid, size, law, p[k], s * u)
         if split:
@@ -73,7 +116,7 @@ def slope(model, joint, u, before, dt, p, t, old, old_at, scratch, parts):  # ty
     terms, h = model[0], SLOPE_STEP
     if not len(terms[0]):
         return spring_u
-    net = net_input(model[4], p)
+    net = net_of_joint(model[4], model[6], joint, p)
     m1, e1, a1, r1 = combine(terms, joint, u + h, before, dt, net, t, old, old_at, scratch, 0)
     m0, e0, a0, r0 = combine(terms, joint, u - h, before, dt, net, t, old, old_at, scratch, 0)
     of_terms = (m1 - m0) + (e1 - e0) * spring + (a1 - a0) * driven - spring_u * (r1 - r0)
@@ -94,7 +137,7 @@ def by_the_past(model, joint, u, before, dt, p, t, memory, changes, scratch, par
     old, old_at, states, moved = memory
     before_v, old_v = changes
     spring, driven, spring_u, _ = parts
-    net = net_input(model[4], p)
+    net = net_of_joint(model[4], model[6], joint, p)
     share = 1.0
     if abs(before_v) > SLOPE_STEP:
         share = SLOPE_STEP / abs(before_v)

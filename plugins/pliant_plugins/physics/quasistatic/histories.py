@@ -1,4 +1,7 @@
-"""Histories of a hinge chain in the compiled loop: chain and runs as arrays, laws as tables of bicubic cells."""
+"""Histories of a hinge chain in the compiled loop: chain and runs as arrays, laws as tables of bicubic cells.
+
+Laws of several actuations are called as they are: tables over all of them would be large, or coarse.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointLaw
 from pliant.records.term import LawTerm
-from pliant_plugins.physics.compiled.laws import CompiledTerms
+from pliant_plugins.physics.compiled.laws import CompiledTerms, PackedLaws
 from pliant_plugins.physics.quasistatic.compiled_solver import Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
@@ -140,6 +143,41 @@ def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
     return LawTable(cells.reshape(corners.shape), np.array([p[0], dp, u[0], du]))
 
 
+class WideLaws(NamedTuple):
+    """Laws of several actuations as the loop calls them: addresses (l,), spans (l, 2) of the parameters (P,).
+
+    `around` (l, 2) has α and γ of `JointLaw.behind`; then come as many zeros as a law may have actuations, and space
+    for one call: deformation, effort, its slopes by all of them and by the deformation.
+    """
+
+    addresses: Any
+    spans: Any
+    parameters: Array
+    around: Array
+    zeros: Array
+    at: Array
+    value: Array
+    by_a: Array
+    by_u: Array
+
+    @staticmethod
+    def of(laws: Sequence[JointLaw]) -> WideLaws | None:
+        """None where one of them has no scalar form."""
+        known = [law.behind() for law in laws]
+        packed = PackedLaws.of([law for law, _, _ in known])
+        if packed is None:
+            return None
+        around = np.array([number for _, *number in known], float).reshape(-1, 2)
+        most = max(packed.counts, default=1)
+        space = (np.zeros(most), np.empty(1), np.empty(1), np.empty(most), np.empty((1, 1)))
+        return WideLaws(packed.addresses, packed.spans, packed.parameters, around, *space)
+
+
+def is_wide(law: JointLaw) -> bool:
+    """Whether a law takes several actuations at once."""
+    return len(law.actuations) > 1
+
+
 @dataclass(eq=False)
 class HingeFollower:
     """The compiled loop with the law tables that it need not make twice."""
@@ -151,6 +189,11 @@ class HingeFollower:
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its tables."""
         return HingeFollower, (self.config,)
+
+    def takes(self, chain: ChainModel) -> bool:
+        """Whether the loop can follow this chain: hinges, with laws of one actuation or with a scalar form."""
+        hinges = chain.laws[0].joint == "revolute"
+        return hinges and WideLaws.of([law for law in chain.laws if is_wide(law)]) is not None
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
         """See `PhysicsBackend.follow`."""
@@ -183,7 +226,15 @@ class HingeFollower:
         self, chain: ChainModel, drive: Drive, clock: Clock, towards: Sequence[tuple[ChainModel, Drive]]
     ) -> tuple[Array, Array, Any]:
         body, terms = Body.of(chain), CompiledTerms.of(chain.terms, chain.n_joints)
-        tables = [self._table(law, drive.pressure) for law in chain.laws]
+        wide = [law for law in chain.laws if is_wide(law)]
+        narrow = [law for law in chain.laws if not is_wide(law)]
+        # Where each law stands among those of its kind.
+        place = [
+            sum(is_wide(law) == is_wide(other) for other in chain.laws[:k])
+            for k, law in enumerate(chain.laws)
+        ]
+        acting = [_acting(chain, law, drive.pressure) for law in narrow]
+        tables = [self._table(law, values) for law, values in zip(narrow, acting, strict=True)]
         axis = int(body.axes[0])
         order = [(axis + 1) % 3, (axis + 2) % 3, axis]
         rests = np.ascontiguousarray(body.rests[:, order][:, :, order])
@@ -194,18 +245,21 @@ class HingeFollower:
         gravity, flat = np.asarray(chain.gravity_m_s2, float), terms.arrays
         parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c, _ in towards]
         gravities = [np.asarray(c.gravity_m_s2, float) for c, _ in towards]
-        cells = [table.cells.ravel() for table in tables]
+        cells = [table.cells.ravel() for table in tables] or [np.zeros(0)]
+        drives = [(*chain.drives_of(joint), len(chain.laws[joint.law].actuations)) for joint in chain.joints]
         result: tuple[Array, Array, Any] = follow(
             (
                 flat,
                 cells[0] if len(cells) == 1 else np.concatenate(cells),
-                np.stack([table.grid for table in tables]),
-                tables[0].cells.shape[:2],
+                np.array([table.grid for table in tables]).reshape(-1, 4),
+                (PRESSURE_NODES - 1, ANGLE_NODES - 1),
                 np.array([actuator.sign for actuator in chain.actuators], float),
                 any(term.role != "moment" for term in chain.terms),
+                np.array(drives, np.int64),
+                tuple(WideLaws.of(wide) or ()),
             ),
             terms.keeps,
-            np.array([joint.law for joint in chain.joints]),
+            np.array([place[joint.law] for joint in chain.joints]),
             (
                 body.position,
                 np.ascontiguousarray(base_rotations(body.rotation, drive.angles)[:, :, order]),
@@ -241,6 +295,13 @@ class HingeFollower:
                     self.tables.pop(next(iter(self.tables)))
                 self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
             return self.tables[key][1]
+
+
+def _acting(chain: ChainModel, law: JointLaw, pressure: Array) -> Array:
+    """Those columns of the actuators' values that act on joints with this law; all where no joint has it."""
+    spans = {chain.drives_of(joint) for joint in chain.joints if chain.laws[joint.law] is law}
+    columns = sorted({k for first, last in spans for k in range(first, last)})
+    return pressure[:, columns] if columns else pressure
 
 
 def _same_body(chain: ChainModel, other: ChainModel) -> bool:

@@ -15,14 +15,15 @@ cost more than the arithmetic.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 
-from pliant_plugins.physics.compiled import arrays, discard_stale, laws, terms
+from pliant_plugins.physics.compiled import arrays, discard_stale, efforts, laws, terms
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
-from pliant_plugins.physics.compiled.terms import combine, net_input
+from pliant_plugins.physics.compiled.terms import combine, net_of_joint
 from pliant_plugins.physics.quasistatic import hinge
 from pliant_plugins.physics.quasistatic.hinge import (
     by_the_past,
@@ -36,7 +37,7 @@ from pliant_plugins.physics.quasistatic.hinge import (
 )
 
 SOURCES = tuple(
-    Path(file) for file in (__file__, hinge.__file__, arrays.__file__, laws.__file__, terms.__file__)
+    Path(str(module.__file__)) for module in (sys.modules[__name__], hinge, arrays, efforts, laws, terms)
 )
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
@@ -232,9 +233,9 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     else:
         copy_rows(stiffness, work)
         solve(work, right)
-    net = net_input(model[4], p)
     for i in range(len(q)):
         if states:
+            net = net_of_joint(model[4], model[6], i, p)
             at = i * states
             for s in range(states):
                 moved[s] = old[at + s] + old_v[at + s]
@@ -338,7 +339,8 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
                     drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
                     opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
                     terms_v = (model[0][0], model[0][1], numbers_v[k], model[0][3])
-                    other = (terms_v, model[1], model[2], model[3], model[4], model[5])
+                    tables = (model[1], model[2], model[3], model[4], model[5], model[6], model[7])
+                    other = (terms_v,) + tables
                     then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
                     past = (before_v[k], old_v[k])
                     _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive)
@@ -361,9 +363,10 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
 
     Args:
         model: terms of `CompiledTerms.arrays`; cells, grid, size (cells by actuation and by angle) of `LawTable`; signs
-            of the actuators; whether a term has another role than `moment`.
+            of the actuators; whether a term has another role than `moment`; `drives` of `CompiledLaws`; laws of
+            several actuations: addresses, spans, parameters, α and γ (see `JointLaw.behind`), zeros, space.
         keeps: (states,) whether a memory outlasts the rest between runs.
-        laws: (n,) the law of each joint.
+        laws: (n,) which table each joint has, or which law of several actuations.
         body: position, bases (N, 3, 3), offsets, rests, which rests are none (n,), arms, masses: see `Body`; the third
             axis of its frames is that of the hinges.
         gravity: (3,).

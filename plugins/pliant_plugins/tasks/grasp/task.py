@@ -44,6 +44,10 @@ class Grasp(SceneTask):
     def scene(self, chain: ChainModel) -> Scene:
         return grasp_scene(chain, self.config, self.target, Draw.none())
 
+    @property
+    def arms_touch(self) -> bool:
+        return self.config.finger_contact
+
     def measures(self) -> tuple[str, ...]:
         return (*trial_lists(()), "success_share", "reward", "object_mass_kg")
 

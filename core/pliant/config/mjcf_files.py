@@ -1,0 +1,30 @@
+"""The files that an MJCF reads, itself first: included files, meshes, textures, height fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+ASSETS = {"mesh": "meshdir", "skin": "meshdir", "texture": "texturedir", "hfield": "meshdir"}
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """All that is there; what cannot be read is left to the engine, which says so."""
+    found, trees, folders = [path], list[ElementTree.Element](), dict[str, str]()
+    for file in found:  # grows while it is walked
+        try:
+            trees.append(ElementTree.parse(file).getroot())
+        except (OSError, ElementTree.ParseError):
+            continue
+        for compiler in trees[-1].iter("compiler"):
+            folders |= {name: value for name, value in compiler.attrib.items() if name.endswith("dir")}
+        included = [path.parent / one.get("file", "") for one in trees[-1].iter("include")]
+        found += [one for one in dict.fromkeys(included) if one.is_file() and one not in found]
+    for tree in trees:
+        for element in tree.iter():
+            if element.tag in ASSETS:
+                folder = folders.get(ASSETS[element.tag], folders.get("assetdir", ""))
+                names = [value for name, value in element.attrib.items() if name.startswith("file")]
+                files = [path.parent / folder / name for name in names]
+                found += [one for one in files if one.is_file() and one not in found]
+    return tuple(found)

@@ -1,0 +1,105 @@
+"""The task again under shares of its load, for a page's load slider."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig
+from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
+from pliant.interfaces.task import SceneTask, TaskConfig
+from pliant.pipeline.simulate import ChainSource, run_task
+from pliant.pipeline.workbench import Workbench, content
+from pliant.records.load_frames import LoadFrames
+from pliant.records.rollout import Rollout, TaskResult
+from pliant.store.store import Artifact
+
+SHARES = (0.0, 0.25, 0.5, 0.75)  # beside the load itself
+
+
+def loads_stage(
+    bench: Workbench,
+    source: ChainSource,
+    physics: PhysicsConfig,
+    task: TaskConfig,
+    effects: Sequence[EffectConfig],
+    own: TaskResult,
+) -> Artifact | None:
+    """`LoadFrames` of a task that ended in `own`; None without a load, a history, or an engine of equilibria.
+
+    Only engines that settle are asked: a motion in time under five loads would take five times as long.
+    """
+    backend: PhysicsBackend = bench.build("physics", physics)
+    payload_kg, force_n = load_of(task, source)
+    loaded = payload_kg > 0.0 or force_n > 0.0
+    scene = isinstance(bench.build("task", task), SceneTask)
+    if not loaded or scene or own.rollout is None or backend.capabilities.dynamic or not own.final.at_rest:
+        return None
+    nominal = own.rollout
+
+    def compute(partial: Path) -> LoadFrames:
+        built: list[Effect] = [bench.build("effect", effect) for effect in effects]
+        found = [(1.0, nominal)]
+        for share in reversed(SHARES):
+            chain = source.chain.with_(payload_kg=share * source.chain.payload_kg)
+            try:
+                lighter = run_task(
+                    backend, bench.build("task", _lightened(task, share)), built, chain
+                ).rollout
+            except UserError:
+                continue  # outside the law's data, say: what is not known is not shown
+            if lighter is None or not _comparable(lighter, nominal):
+                break  # a task that looks for its actuation finds another one for another load
+            found.append((share, lighter))
+        found.reverse()
+        return LoadFrames(
+            payload_kg,
+            force_n,
+            np.array([share for share, _ in found]),
+            np.stack([history.joint_angles for _, history in found]),
+            np.stack([history.markers_m for _, history in found]),
+        )
+
+    plugins = [("physics", physics), ("task", task), *(("effect", effect) for effect in effects)]
+    return bench.make(
+        "loads",
+        compute,
+        components=[*source.components, *(bench.component(name, config) for name, config in plugins)],
+        modules=["pliant.pipeline.loads", "pliant.pipeline.simulate", "pliant.pipeline.chain"],
+        config={
+            **source.config,
+            "physics": content(physics),
+            "task": content(task),
+            "effects": [content(effect) for effect in effects],
+        },
+        inputs=source.inputs,
+    )
+
+
+def load_of(task: TaskConfig, source: ChainSource) -> tuple[float, float]:
+    """Payload (kg) and size of the force (N) at the tip: the task's, else the chain's."""
+    payload_kg = getattr(task, "payload_kg", None)
+    force_n = np.linalg.norm(np.asarray(getattr(task, "tip_force_n", 0.0), float))
+    return float(source.chain.payload_kg if payload_kg is None else payload_kg), float(force_n)
+
+
+def _lightened(task: TaskConfig, share: float) -> TaskConfig:
+    """The task with a share of the loads that it names."""
+    named = {name: getattr(task, name, None) for name in ("payload_kg", "tip_force_n")}
+    scaled = {
+        name: tuple(share * v for v in value) if isinstance(value, tuple) else share * value
+        for name, value in named.items()
+        if value is not None
+    }
+    return task.model_copy(update=scaled)
+
+
+def _comparable(history: Rollout, other: Rollout) -> bool:
+    return (
+        history.actuation.shape == other.actuation.shape
+        and np.allclose(history.actuation, other.actuation)
+        and bool(np.isfinite(history.markers_m).all())
+    )
