@@ -18,7 +18,7 @@ from pliant.cli.verbs import app
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "first_finger"
-TINY = ["fem.pressures=3", "fem.angles=3", "fem.check_states=2"]
+TINY = ["fem.pressures=2", "fem.angles=4", "fem.check_states=1"]
 HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 

@@ -31,13 +31,13 @@ GAP = 1e-3
 TOUCH_PA = 7.5e3  # the thin bellow's folds meet a little below
 
 
-def material(nu: float = 0.49) -> NeoHookean:
-    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=nu))
+def material(modulus_pa: float = MU) -> NeoHookean:
+    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=modulus_pa, poisson_ratio=0.49))
 
 
-def solver(problem: ModuleProblem, how: str = "solve") -> SkfemSolver:
+def solver(problem: ModuleProblem, how: str = "solve", modulus_pa: float = MU) -> SkfemSolver:
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "self_contact": how, "tolerance": 1e-8})
-    return Skfem(config).solver(problem, material())
+    return Skfem(config).solver(problem, material(modulus_pa))
 
 
 def block() -> ModuleProblem:

@@ -13,9 +13,12 @@ from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 from pliant.testing.box import tetrahedral
+from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.pattern import Terms
+from pliant_plugins.fem.skfem.stops import edges
+from pliant_plugins.manifest import TENDON_JOINT
 
 SWAPPED = np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel()  # of a cell that is mirrored along x
 FACE_SWAPPED = np.arange(9).reshape(3, 3).T.ravel()
@@ -114,3 +117,28 @@ def test_folds_within_a_piece_are_those_that_meet_their_image() -> None:
     one, both = states
     for name in ("moment_n_m", "dmoment_du", "dmoment_dp", "energy_j"):
         assert getattr(both, name) == pytest.approx(getattr(one, name), rel=1e-5), name
+
+
+def test_links_of_a_tendon_joint_stop_each_other() -> None:
+    """Both ways: edges stand at the mirror plane, the law goes on with exact slopes; before them nothing changes."""
+    problem = TendonJoint(TendonJointConfig.model_validate(TENDON_JOINT)).problem()
+    here, open_ = (solver(problem, how, 71.9e6) for how in ("solve", "end"))
+    wall = 1e-3  # the flexure's thickness
+    for tension, angle, edge in ((9.0, 0.95, 0), (0.0, -0.03, 1)):
+        near, far = (
+            s.constrained(tension, angle, s.constrained(tension, 0.5 * angle, s.rest()))
+            for s in (here, open_)
+        )
+        assert (near.status, far.status) == ("touching", "self_contact")
+        beyond, over = (
+            edges(problem, *s._frame(x.solution))[edge][0] for s, x in ((here, near), (open_, far))
+        )
+        assert 0 < beyond < DEEPEST * wall < over
+        du, dT = 1e-5, 1e-3
+        more, less = (here.constrained(tension, angle + s * du, near) for s in (1, -1))
+        assert (more.moment_n_m - less.moment_n_m) / (2 * du) == pytest.approx(near.dmoment_du, rel=1e-5)
+        assert (more.travel - less.travel) / (2 * du) == pytest.approx(near.dmoment_dp, rel=1e-5)
+        more, less = (here.constrained(tension + s * dT, angle, near) for s in (1, -1))
+        assert (more.moment_n_m - less.moment_n_m) / (2 * dT) == pytest.approx(near.dmoment_dp, rel=1e-5)
+    free, apart = (s.free(7.0, s.rest()) for s in (here, open_))
+    assert np.array_equal(free.solution, apart.solution) and free.status == "ok"

@@ -109,6 +109,22 @@ class Tendon:
     z_m: float
 
 
+@dataclass(frozen=True)
+class Stop:
+    """An edge of a rigid link that meets its mirror image in the plane x = 0, where the joint can turn no farther.
+
+    It moves with the end section, which does not rise: at rest it lies at (span + x_m, z_m) in the module frame.
+
+    Attributes:
+        x_m, z_m: where.
+        area_m2: over which it bears (of the solved piece).
+    """
+
+    x_m: float
+    z_m: float
+    area_m2: float
+
+
 @dataclass(frozen=True, eq=False)
 class Fibres:
     """Threads of one direction, spread over some cells: ½ κ (λ − 1)² per reference volume, λ the stretch along them.
@@ -201,6 +217,7 @@ class ModuleProblem:
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
+        stops: these parts' edges, for a code that solves contact: it does not end at `contact_range` then.
         closing: the bending that closes a round module, about y and z together; states beyond are never trusted.
         requires: what a backend must know beyond this record, by names: those that a problem's own class brings. See
             `requirements`.
@@ -225,6 +242,7 @@ class ModuleProblem:
     frame: Literal["rod"] = "rod"
     contact_planes: tuple[str, ...] = ("start", "end")
     contact_range: tuple[float, float] | None = None
+    stops: tuple[Stop, ...] = ()
     closing: Closing | None = None
     requires: frozenset[str] = frozenset()
 

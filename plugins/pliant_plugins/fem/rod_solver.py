@@ -168,7 +168,7 @@ class RodSolver(ModuleSolver):
     def _status(self, x: Array) -> str:
         """What walls and rigid parts do at x."""
         problem, touching = self.problem, self._touching(x)
-        if problem.contact_range is not None:
+        if problem.contact_range is not None and (touching is None or not problem.stops):
             low, high = problem.contact_range
             if not low <= self._coordinates(x)[problem.axes.index(problem.main_axis)] <= high:
                 return SELF_CONTACT

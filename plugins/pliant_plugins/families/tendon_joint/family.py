@@ -27,7 +27,7 @@ from pliant.meshing.masses import UNIFORM, half_masses, meshed_mass, mirrored
 from pliant.meshing.surfaces import half_skins
 from pliant.meshing.surfaces import mirrored as mirrored_surface
 from pliant.records.design import Array, ModuleMass
-from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
+from pliant.records.fem import ModuleMesh, ModuleProblem, Stop, Tendon
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape, TriangleMesh
 from pliant.units import Angle, Density, Length
 
@@ -87,6 +87,13 @@ class JointGeometry:
     def upper_edge_x_m(self) -> float:
         """x of the end link's edge on the other side."""
         return self.edge_x_m(self.opening_angle_rad)
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The end link's edges below and above, half their width; they bear over a flexure's thickness."""
+        area, edge = self.link_width_m / 2 * self.flexure_thickness_m, self.link_height_m / 2
+        lower, upper = self.lower_edge_x_m - self.span_m, self.upper_edge_x_m - self.span_m
+        return Stop(lower, -edge, area), Stop(upper, edge, area)
 
     def face_x_m(self, depth_m: float) -> float:
         """x of the end link's face at a depth below the mid-plane, t/2 ≤ depth ≤ H/2."""
@@ -203,7 +210,8 @@ class TendonJoint(ActuatorFamily):
 
         The end section is bonded to the rigid link, which moves with the frame: all of v is zero there, which also
         removes the rigid motion along z. At mid-flexure, the mirror plane, the section stays plane and free in its
-        plane. There is no contact between the links: states in which they would overlap are marked.
+        plane. Links meet at their edges, their stops; where contact is not solved, states in which they would overlap
+        are marked.
         """
         geometry = self.geometry
         return ModuleProblem(
@@ -217,6 +225,7 @@ class TendonJoint(ActuatorFamily):
             tendon=Tendon(x_m=geometry.tendon_setback_m, z_m=-geometry.tendon_offset_m),
             contact_planes=(),
             contact_range=(-geometry.opening_angle_rad, geometry.closing_angle_rad),
+            stops=geometry.stops,
         )
 
     @cached_property

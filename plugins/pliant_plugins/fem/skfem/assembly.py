@@ -28,6 +28,7 @@ from pliant_plugins.fem.skfem.kernel import projected
 from pliant_plugins.fem.skfem.kinematics import Pointwise, RodMotion, Variables, motion
 from pliant_plugins.fem.skfem.pattern import Coupling, Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
+from pliant_plugins.fem.skfem.stops import stop_energy
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
 from pliant_plugins.fem.skfem.walls import Contacts
 
@@ -117,6 +118,9 @@ class Assembler:
         turn, strain = self.globals.split(x)
         for ribbon in self.problem.ribbons:
             more.append(self._of_globals(*ribbon_energy(ribbon, self.problem.span_m, turn, strain)))
+        if self.contacts is not None:
+            stored = stop_energy(self.problem, self.contacts.skin, turn, strain)
+            more += [self._of_globals(*jet) for jet in stored]
         for terms in more:
             total = total.plus(1.0, terms if second else terms.slope)
         return total

@@ -22,6 +22,7 @@ from pliant_plugins.fem.skfem.basis import element_of
 from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.linear import WideningSolver
 from pliant_plugins.fem.skfem.pattern import Terms
+from pliant_plugins.fem.skfem.stops import edges
 from pliant_plugins.fem.skfem.structure import SkfemStructure
 
 
@@ -140,7 +141,9 @@ class SkfemSolver(RodSolver):
         contacts = self.assembler.contacts
         if contacts is None:
             return None
-        share = contacts.deepest(x, self._frame(x)[1])
+        turn, strain = self._frame(x)
+        beyond = [depth / contacts.skin.wall_m for depth, _, _ in edges(self.problem, turn, strain)]
+        share = max(contacts.deepest(x, strain), *beyond, 0.0)
         return "free" if share == 0 else "solved" if share <= DEEPEST else "deep"
 
     def _undeformed(self) -> Array:
