@@ -267,6 +267,14 @@ def several_effort(
             dtau_du[i, j] = dtau_du[j, i]
 
 
+def several_shared(parameters: Array, share: float) -> Array:
+    """The parameters of the law τ(s a, u)."""
+    found = parameters.copy()
+    # centres and half-widths of the actuations
+    found[SEVERAL_HEADER : SEVERAL_HEADER + 2 * int(parameters[0])] /= share
+    return found
+
+
 def _sum_row(c: Array, first: int, count: int, lanes: int, work: Array, mono: int, sums: int) -> None:
     """Fills value and slopes by each actuation of a row of coefficients, `LANES` side by side."""
     for lane in range(0, lanes, LANES):
