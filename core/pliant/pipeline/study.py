@@ -200,7 +200,7 @@ def chain_of_study(bench: Workbench, study: Study, mounted: bool = False) -> Cha
     chain = study.need("chain", "a simulation")
     if chain.base.mount is not None and not mounted:
         raise UserError(
-            "this works with a base that stays where it is: leave 'chain.base.mount' out. A robot on an arm can be "
+            "A base that stays in the world is needed here: leave 'chain.base.mount' out. A robot on an arm can be "
             "simulated, drawn and exported (pliant run, render, export)."
         )
     check_study(bench, study)
