@@ -3,7 +3,8 @@
     python -m benchmarks.page_memory --minutes 5
 
 Prints, minute by minute, what the page holds after its garbage was collected (heap in MB, nodes and listeners of the
-document) and what the server's process holds (MB); and the growth from the end of the first minute to the last.
+document, MB of the heap that is no compiled code) and what the server's process holds (MB); and the growth from the
+end of the first minute to the last.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from benchmarks.output import parser_of, write
 from tests.app.conftest import STUDY, recording
 from tests.app.page_user import PageUser, opened
@@ -32,8 +34,21 @@ def used(page: Any, session: Any, server: int) -> dict[str, float]:
         "page_mb": round(found["JSHeapUsedSize"] / 1e6, 2),
         "nodes": found["Nodes"],
         "listeners": found["JSEventListeners"],
+        "objects_mb": objects_mb(session),
         "server_mb": round(pages * os.sysconf("SC_PAGE_SIZE") / 1e6, 1),
     }
+
+
+def objects_mb(session: Any) -> float:
+    """What the page itself holds: a heap snapshot without compiled code and what belongs to the browser."""
+    chunks: list[str] = []
+    session.on("HeapProfiler.addHeapSnapshotChunk", lambda event: chunks.append(event["chunk"]))
+    session.send("HeapProfiler.takeHeapSnapshot", {"reportProgress": False})
+    found = json.loads("".join(chunks))
+    fields, kinds = found["snapshot"]["meta"]["node_fields"], found["snapshot"]["meta"]["node_types"][0]
+    table = np.array(found["nodes"]).reshape(-1, len(fields))
+    own = ~np.isin(table[:, fields.index("type")], [kinds.index(kind) for kind in ("code", "native")])
+    return round(float(table[own, fields.index("self_size")].sum()) / 1e6, 3)
 
 
 def round_of_use(user: PageUser) -> None:

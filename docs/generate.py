@@ -276,7 +276,7 @@ def _requirement(component: Component) -> list[str]:
 def _example(component: Component) -> list[str]:
     key = STUDY_KEY.get(component.interface, component.interface)
     inner = ", ".join(
-        [f"kind: {component.kind}", *(f"{k}: {_flow(v)}" for k, v in component.example.items())]
+        [f"kind: {component.kind}", *(f"{k}: {_flow(v)}" for k, v in component.smallest_block().items())]
     )
     return [f"{key}: [{{{inner}}}]" if key == "effects" else f"{key}: {{{inner}}}"]
 

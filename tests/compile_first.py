@@ -19,15 +19,16 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.registry.discovery import discover
+from pliant.testing.box import box_problem
 from pliant.testing.samples import coupled_law, module_table_of, sample_chain, softening_law, table_of
 
 ROOT = Path(__file__).parents[1]
 PRESSURES = {"pressure_pa": np.array([1e3, 2e3])}
 
 
-def built(interface: str, kind: str) -> Any:
+def built(interface: str, kind: str, **settings: Any) -> Any:
     component = discover().get(interface, kind)
-    return component.build(component.config_model()(kind=kind))
+    return component.build(component.config_model()(kind=kind, **settings))
 
 
 def bent_chain() -> ChainModel:
@@ -55,6 +56,14 @@ def moved() -> None:
         built("physics", "mujoco").follow(bent_chain(), [History.of(PRESSURES, np.array([0.0, 0.01]))])
 
 
+def solved() -> None:
+    """A state of the FEM's small box, where scikit-fem is installed."""
+    if discover().get("fem", "skfem").missing() is None:
+        rubber = {"kind": "neo_hookean", "shear_modulus_pa": 1e5, "poisson_ratio": 0.49}
+        solver = built("fem", "skfem", pressure_max_pa=1e3).solver(box_problem(), built("material", **rubber))
+        solver.free(1e3, solver.rest())
+
+
 def byte_code() -> None:
     """Modules outside the tests, which pytest compiles in its own way."""
     for folder in ("core", "plugins", "benchmarks"):
@@ -63,5 +72,5 @@ def byte_code() -> None:
 
 if __name__ == "__main__":
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for done in [pool.submit(job) for job in (byte_code, settled, followed, moved)]:
+        for done in [pool.submit(job) for job in (solved, byte_code, settled, followed, moved)]:
             done.result()

@@ -63,7 +63,9 @@ def study(kind: str, refinements: int) -> dict[str, Any]:
     """Figures of all meshes and elements of one family, with their differences from the finest."""
     component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
     # The example of the family's manifest, its reference design.
-    family = component.build(component.config_model().model_validate({"kind": kind, **component.example}))
+    family = component.build(
+        component.config_model().model_validate({"kind": kind, **component.smallest_block()})
+    )
     rows = []
     for refinement in range(1, refinements + 1):
         for element in ELEMENTS:

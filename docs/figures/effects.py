@@ -9,14 +9,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pliant.formatting import named_unit
-from pliant.interfaces.effect import Model
+from pliant.interfaces.effect import EffectConfig, Model
 from pliant.records.history import History
 from pliant.registry.discovery import Registry, discover
 from pliant.testing.effect_bench import run_readings
@@ -59,6 +59,7 @@ class Scene:
     over: Abscissa
     look: str
     modules: int = 1
+    strength: float | None = None  # of the effect's first parameter, the others at their neutral values
     values: Mapping[str, Any] | None = None
     reads: str = "angle_rad"
     name: str = "angle"
@@ -129,20 +130,20 @@ def scenes() -> dict[str, Scene]:
             [ramps((12.0,), 2.0), ramps((12.0,), 2.0, moment_n_m=6 * MNM)],
             PRESSURE,
             "bent at zero pressure",
-            values={"offset_pa": 1.2e3},
+            strength=1.2e3,
         ),
         "dead_zone": Scene(
             [ramps((6.0, 0.0), 1.0)],
             PRESSURE,
             "still at first",
-            values={"threshold_pa": 1e3},
+            strength=1e3,
         ),
         "supply_lag": Scene([ramps_then_load()], CLOCK, "the load step (right) is followed at once"),
         "viscous_damping": Scene(
             [ramps_then_load()],
             CLOCK,
             "the load step (right) is delayed too",
-            values={"time_s": 0.6},
+            strength=0.6,
         ),
         "viscoelastic": Scene(
             [ramps((12.0, 0.0), 12.0, holds_s=90.0)], CLOCK, "drift in the hold and after venting"
@@ -156,20 +157,20 @@ def scenes() -> dict[str, Scene]:
             [ramps((4.0, 0.0, 4.0, 0.0, 8.0, 0.0, 8.0, 0.0, 12.0, 0.0, 12.0, 0.0), 2.0)],
             PRESSURE,
             "first loadings lie on the model's line",
-            values={"softening": 0.35},
+            strength=0.35,
         ),
         "permanent_set": Scene(
             [ramps((4.0, 0.0, 8.0, 0.0, 12.0, 0.0), 4.0, holds_s=4.0)],
             CLOCK,
             "what stays grows with the largest angle",
-            values={"share": 0.12},
+            strength=0.12,
         ),
         "gravity_scale": Scene(
             [History.of({"pressure_pa": np.full(61, 4e3)}, base_angles_rad=turns)],
             PITCH,
             "the error turns with the base",
             modules=8,
-            values={"factor": 1.5},
+            strength=1.5,
         ),
         "self_contact": Scene([ramps((14.0, 0.0), 2.0)], PRESSURE, "a kink at one angle"),
         "thermal_softening": Scene(
@@ -177,20 +178,20 @@ def scenes() -> dict[str, Scene]:
             LOAD,
             "right at 22 °C",
             note=", at 2, 22 and 42 °C",
-            values={"loss_per_k": 0.01},
+            strength=0.01,
         ),
         "wall_thickness": Scene(
             [loads(0.0), loads(10.0)],
             LOAD,
             "vented and pressed: stiffer",
-            values={"ratio": 1.15},
+            strength=1.15,
         ),
-        "leak": Scene([closed_valve()], CLOCK, "the valve closes at 15 s", values={"rate_1_s": 0.02}),
+        "leak": Scene([closed_valve()], CLOCK, "the valve closes at 15 s", strength=0.02),
         "bimodulus": Scene(
             [loads(0.0)],
             LOAD,
             "too far one way, too little the other",
-            values={"asymmetry": 0.3},
+            strength=0.3,
         ),
         "inertia": Scene([step()], CLOCK, "overshoots and rings", modules=8),
         "tendon_friction": Scene(
@@ -198,45 +199,45 @@ def scenes() -> dict[str, Scene]:
             TENSION,
             "the loop grows with the tension",
             modules=8,
-            values={"friction": 0.3},
+            strength=0.3,
         ),
         "sensor_bias": Scene(
             [ramps((12.0, 0.0), 2.0)],
             PRESSURE,
             "the same everywhere",
-            values={"bias_rad": 0.05},
+            strength=0.05,
         ),
         "sensor_scale": Scene(
             [loads(0.0), loads(10.0)],
             LOAD,
             "off by a share of the angle, right at zero",
-            values={"excess": 0.15},
+            strength=0.15,
         ),
         "sensor_lag": Scene(
             [ramps_then_load()],
             CLOCK,
             "the load step (right) is late too",
-            values={"time_s": 0.5},
+            strength=0.5,
         ),
         "backlash": Scene(
             [ramps((12.0, 7.0, 9.0, 5.0, 12.0, 0.0), 2.0)],
             PRESSURE,
             "stands still after every reversal",
-            values={"play_rad": 0.06},
+            strength=0.06,
         ),
         "base_misalignment": Scene(
             [History.of({"pressure_pa": np.zeros(61)}, base_angles_rad=turns)],
             PITCH,
             "the error is largest where the chain hangs",
             modules=8,
-            values={"pitch_rad": 0.15},
+            strength=0.15,
         ),
         "inter_module_compliance": Scene(
             [loads(0.0)],
             LOAD,
             "the middle joint of three: twice an end's error",
             modules=3,
-            values={"share": 0.3},
+            strength=0.3,
             reads="joint_2_angle_rad",
             name="angle of joint 2",
         ),
@@ -254,7 +255,7 @@ def scenes() -> dict[str, Scene]:
             PRESSURE,
             "the tip is farther out, the more the higher the pressure",
             modules=8,
-            values={"strain_per_mpa": 8.0},
+            strength=8.0,
             reads="tip_x_m",
             name="tip beside the base",
         ),
@@ -263,7 +264,7 @@ def scenes() -> dict[str, Scene]:
             PRESSURE,
             "the tip leaves the plane as the chain bends",
             modules=8,
-            values={"turn_rad": 0.2},
+            strength=0.2,
             reads="tip_y_m",
             name="tip across the plane",
         ),
@@ -288,8 +289,11 @@ def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
 def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
     """One picture."""
     component = registry.get("effect", kind)
-    values = scene.values or component.example
-    effect = component.build(component.config_model().model_validate({"kind": kind, **values}))
+    model = cast(type[EffectConfig], component.config_model())
+    values = scene.values or component.smallest_block()
+    if scene.strength is not None:
+        values = {model.fit_parameters()[0].name: scene.strength}
+    effect = component.build(model.model_validate({"kind": kind, **values}))
     figure = Figure(figsize=(4.6, 2.9), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.subplots()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
@@ -429,91 +428,41 @@ def _optimizers() -> list[Component]:
 
 
 def _effects() -> list[Component]:
-    summaries: dict[str, tuple[str, str, dict[str, Any]]] = {
-        "stiffness": ("Stiffness", "the joint is stiffer or softer than the model says", {"factor": 1.2}),
-        "actuation_gain": (
-            "ActuationGain",
-            "the drive acts by another factor than the model says",
-            {"gain": 0.9},
-        ),
-        "pressure_offset": (
-            "PressureOffset",
-            "the pressure gauge is off by a constant",
-            {"offset": "500 Pa"},
-        ),
-        "dead_zone": ("DeadZone", "the lowest pressures do nothing", {"threshold": "600 Pa"}),
-        "supply_lag": ("SupplyLag", "the supply answers late", {"time": "0.4 s"}),
-        "viscous_damping": ("ViscousDamping", "the joint damps its own motion", {"time": "0.2 s"}),
-        "viscoelastic": ("Viscoelastic", "the material creeps and relaxes", {"share": 0.3, "time": "30 s"}),
-        "friction_hysteresis": (
-            "FrictionHysteresis",
-            "the joint rubs",
-            {"half_width": "1.5 deg", "break_away": "0.5 deg"},
-        ),
-        "mullins": (
-            "Mullins",
-            "the material has softened by what it was stretched to",
-            {"softening": 0.2, "scale": 0.2},
-        ),
-        "permanent_set": ("PermanentSet", "the joint does not come back all the way", {"share": 0.08}),
-        "gravity_scale": (
-            "GravityScale",
-            "the chain weighs more or less than the model says",
-            {"factor": 1.1},
-        ),
-        "self_contact": (
-            "SelfContact",
-            "walls touch beyond an angle",
-            {"stiffening": 3, "contact": "15 deg"},
-        ),
-        "thermal_softening": (
-            "ThermalSoftening",
-            "the stiffness changes with the temperature",
-            {"loss_per_k": 0.005},
-        ),
-        "sensor_bias": ("SensorBias", "the angle sensor is off by a constant", {"bias": "2 deg"}),
-        "wall_thickness": (
-            "WallThickness",
-            "the walls are thicker or thinner than the model's",
-            {"ratio": 1.1},
-        ),
-        "leak": ("Leak", "a closed chamber loses gas", {"rate_1_s": 0.03}),
-        "bimodulus": ("Bimodulus", "the joint is stiffer one way than the other", {"asymmetry": 0.2}),
-        "inertia": ("Inertia", "the chain's own mass swings", {"scale": 1}),
-        "tendon_friction": ("TendonFriction", "the tendon rubs where it bends", {"friction": 0.2}),
-        "sensor_scale": ("SensorScale", "the angle sensor is off by a factor", {"excess": 0.06}),
-        "sensor_lag": ("SensorLag", "the angle is read late", {"time": "0.3 s"}),
-        "backlash": ("Backlash", "the angle sensor has play", {"play": "2 deg"}),
-        "base_misalignment": (
-            "BaseMisalignment",
-            "the base is mounted tilted",
-            {"pitch": "2 deg", "roll": "1 deg"},
-        ),
-        "inter_module_compliance": (
-            "InterModuleCompliance",
-            "the connections between modules give",
-            {"share": 0.15},
-        ),
-        "cross_axis": ("CrossAxis", "the modules bend about a turned axis", {"turn": "8 deg"}),
-        "end_restraint": (
-            "EndRestraint",
-            "clamp and cap hold the end modules back",
-            {"base_share": 0.97, "cap_share": 0.65},
-        ),
-        "link_stretch": (
-            "LinkStretch",
-            "pressure lengthens the chain",
-            {"strain_per_mpa": 0.83},
-        ),
-        "learned": (
-            "Learned",
-            "what no listed effect explains follows a smooth curve",
-            {
-                "acts_on": "moment",
-                "covariates": [{"name": "angle", "low": -0.1, "high": 0.5}],
-                "value": [0, 0.0004, -0.0002, -0.0006],
-            },
-        ),
+    summaries = {
+        "stiffness": ("Stiffness", "the joint is stiffer or softer than the model says"),
+        "actuation_gain": ("ActuationGain", "the drive acts by another factor than the model says"),
+        "pressure_offset": ("PressureOffset", "the pressure gauge is off by a constant"),
+        "dead_zone": ("DeadZone", "the lowest pressures do nothing"),
+        "supply_lag": ("SupplyLag", "the supply answers late"),
+        "viscous_damping": ("ViscousDamping", "the joint damps its own motion"),
+        "viscoelastic": ("Viscoelastic", "the material creeps and relaxes"),
+        "friction_hysteresis": ("FrictionHysteresis", "the joint rubs"),
+        "mullins": ("Mullins", "the material has softened by what it was stretched to"),
+        "permanent_set": ("PermanentSet", "the joint does not come back all the way"),
+        "gravity_scale": ("GravityScale", "the chain weighs more or less than the model says"),
+        "self_contact": ("SelfContact", "walls touch beyond an angle"),
+        "thermal_softening": ("ThermalSoftening", "the stiffness changes with the temperature"),
+        "sensor_bias": ("SensorBias", "the angle sensor is off by a constant"),
+        "wall_thickness": ("WallThickness", "the walls are thicker or thinner than the model's"),
+        "leak": ("Leak", "a closed chamber loses gas"),
+        "bimodulus": ("Bimodulus", "the joint is stiffer one way than the other"),
+        "inertia": ("Inertia", "the chain's own mass swings"),
+        "tendon_friction": ("TendonFriction", "the tendon rubs where it bends"),
+        "sensor_scale": ("SensorScale", "the angle sensor is off by a factor"),
+        "sensor_lag": ("SensorLag", "the angle is read late"),
+        "backlash": ("Backlash", "the angle sensor has play"),
+        "base_misalignment": ("BaseMisalignment", "the base is mounted tilted"),
+        "inter_module_compliance": ("InterModuleCompliance", "the connections between modules give"),
+        "cross_axis": ("CrossAxis", "the modules bend about a turned axis"),
+        "end_restraint": ("EndRestraint", "clamp and cap hold the end modules back"),
+        "link_stretch": ("LinkStretch", "pressure lengthens the chain"),
+        "learned": ("Learned", "what no listed effect explains follows a smooth curve"),
+    }
+    # The others' examples stand with the parameters in their configs.
+    curve = {
+        "acts_on": "moment",
+        "covariates": [{"name": "angle", "low": -0.1, "high": 0.5}],
+        "value": [0, 0.0004, -0.0002, -0.0006],
     }
     return [
         Component(
@@ -522,7 +471,7 @@ def _effects() -> list[Component]:
             config=f"{HERE}.effects.{kind}:{name}Config",
             implementation=f"{HERE}.effects.{kind}:{name}",
             summary=summary,
-            example=example,
+            example=curve if kind == "learned" else {},
         )
-        for kind, (name, summary, example) in summaries.items()
+        for kind, (name, summary) in summaries.items()
     ]

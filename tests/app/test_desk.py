@@ -290,3 +290,24 @@ def test_forms_that_a_diagnosis_on_the_way_lets_vary_are_fitted_as_improve_fits_
     assert forms_of(["dead_zone", "viscoelastic"], [((), first)]) == ["viscoelastic"]
     assert forms_of(["backlash", "viscoelastic"], [(effects, later)]) == ["backlash"]
     assert forms_of(["backlash"], [((), {})]) == []
+
+
+def test_the_robot_in_space_is_the_models_and_shows_no_error_of_runs_put_aside(desk: Desk) -> None:
+    model = desk._opened()
+    k = next(k for k in range(len(model.measurement.runs)) if k not in model.split.runs)
+    aside = model.measurement.runs[model.split.runs[0]].name
+    effects = ({"kind": "actuation_gain", "gain": 1.25},)
+    found = desk.space(effects, model.measurement.runs[k].name)
+    bend = next(one for one in found["colourings"] if one["name"] == "bend")
+    assert bend["limits"][1] == pytest.approx(
+        np.degrees(model.predicted(effects)[k]["angle_rad"].max()), rel=1e-3
+    )
+    error = next(one for one in found["colourings"] if one["name"] == "error 0")
+    apart = model.measurement.runs[k].outputs["angle_rad"] - model.predicted(effects)[k]["angle_rad"]
+    assert (
+        0.5 * np.degrees(np.abs(apart).max()) < error["limits"][1] <= 1.001 * np.degrees(np.abs(apart).max())
+    )
+    assert "apart" in [one["name"] for one in found["colourings"]]  # from the model as it was
+    assert not [one for one in desk.space(effects, aside)["colourings"] if one["name"].startswith("error")]
+    with pytest.raises(UserError, match="no run 'nobody'"):
+        desk.space(effects, "nobody")

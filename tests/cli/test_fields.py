@@ -71,6 +71,7 @@ def test_files_hold_the_mesh_and_what_the_joint_does(pliant, write, read, workpl
     assert meshio.read(folder / "free_000.vtu").point_data["von_mises_pa"].max() < 1.0
 
 
+@pytest.mark.slow
 def test_which_states_are_written(pliant, write, workplace, store):
     study = write(JOINT)
     table = workplace / "runs" / "joint" / "fem.csv"
@@ -90,6 +91,7 @@ def test_which_states_are_written(pliant, write, workplace, store):
         assert float(again["moment_n_m"]) == pytest.approx(tau, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_page_lies_beside_the_table(pliant, write, read, workplace, store):
     call = pliant("fem", write(JOINT), "--store", store, "--json", "out.json")
     page = workplace / "runs" / "joint" / "fem.html"

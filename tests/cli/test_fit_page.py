@@ -45,6 +45,7 @@ def words_without_learning(pliant, study, workplace):
     return words(workplace / "short" / "fit.html")
 
 
+@pytest.mark.slow
 def test_a_tables_law_gets_its_page_beside_the_study(pliant, workplace, table):
     assert pliant("fit", "law.csv", "--kind", "table", "--out", "law", "--no-learning", "--quiet").code == 0
     text = words(workplace / "law" / "fit.html")

@@ -154,6 +154,7 @@ def test_a_block_that_is_no_distribution_is_refused(wrong):
         PosteriorConfig(**{**right, **wrong})
 
 
+@pytest.mark.slow
 def test_compare_shows_what_the_band_holds(written, tmp_path, monkeypatch):
     target, _, measurement = written
     monkeypatch.chdir(tmp_path)

@@ -30,6 +30,7 @@ def test_the_question_is_the_one_of_the_page(workplace, table):
     assert done.stderr.strip() in PAGE
 
 
+@pytest.mark.slow
 def test_the_command_and_the_study_of_the_page_run(workplace, table):
     worst = re.compile(r"worst error ([\d.]+) %")
     share, stated = (float(worst.search(text)[1]) for text in (run(commands(PAGE)[0]), PAGE))

@@ -161,6 +161,20 @@ def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+def test_the_family_of_the_docs_bends_either_way(tmp_path, monkeypatch):
+    component = typed_in(tmp_path, monkeypatch, "my-twin", "family")
+    kept_contract(component, 20)
+    solver = built(REGISTRY.get("fem", "skfem")).checked_solver(built(component).problem(), rubber())
+    up, down = (solver.free(np.array(levels), solver.rest()).angle_rad for levels in ([8e3, 0.0], [0.0, 8e3]))
+    assert abs(up) > 5e-4
+    assert up == pytest.approx(-down, rel=1e-6)
+
+
+def rubber():
+    return built(REGISTRY.get("material", "neo_hookean"), shear_modulus="240 kPa", density="1150 kg/m^3")
+
+
+@pytest.mark.slow
 def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
     component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")
     kept_contract(component, 20)

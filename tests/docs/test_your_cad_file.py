@@ -68,13 +68,14 @@ def test_a_forgotten_floor_and_a_forgotten_unit_are_said(tmp_path, monkeypatch) 
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_page_run(workplace) -> None:
+def test_the_commands_of_the_page_run(workplace, monkeypatch) -> None:
     """A copy of the example, in fewer states than the page's study asks for."""
     pytest.importorskip("netgen.occ", reason="the extra pliant[ngsolve]")
     folder = workplace / "cad"
     folder.mkdir()
     for name in ("mesh.py", "finger.yaml"):
         shutil.copy(ROOT / "examples/cad_file" / name, folder / name)
+    monkeypatch.setattr(sys, "argv", [str(folder / "mesh.py")])
     runpy.run_path(str(folder / "mesh.py"), run_name="__main__")
     said = run("run cad/finger.yaml fem.sampling=grid fem.pressures=3 fem.angles=4 fem.check_states=2")
     assert "6-module finger bends" in said

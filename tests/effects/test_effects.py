@@ -38,7 +38,7 @@ KINDS = set(NAMES.split())
 
 
 def example(component: Component) -> Effect:
-    return effect(component.kind, **component.example)
+    return effect(component.kind, **component.smallest_block())
 
 
 def suited(component: Component, modules: int = 3) -> Model:

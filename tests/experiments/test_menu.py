@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tests.diagnosis.quick import blank, joint, measurement_of, poor, predictor_of, pushes, run_of
+from tests.mechanics.test_several_actuations import chain_of, several_law
 
 from pliant.config.protocols import OPTIONS
 from pliant.diagnosis.next_run import catalogue_of
@@ -21,6 +24,7 @@ from pliant.experiments.planned_run import (
 )
 from pliant.records.chain import Actuator
 from pliant.records.history import History
+from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw
 
 CHAIN = joint()
 OPPOSED = joint(actuators=[{"input": "pressure_1_pa", "sign": 1}, {"input": "pressure_2_pa", "sign": -1}])
@@ -32,7 +36,7 @@ def scaled(histories, chain=CHAIN) -> BenchScale:
 
 def test_the_menu_has_the_names_that_a_study_may_use() -> None:
     assert [run.name for run in timed_catalogue(scaled(poor()))] == [
-        name for name in OPTIONS if name != "custom"
+        name for name in OPTIONS if name not in ("custom", "each_input")
     ]
 
 
@@ -90,6 +94,35 @@ def test_opposed_chambers_are_driven_in_turn() -> None:
     one, two = run.actuation["pressure_1_pa"], run.actuation["pressure_2_pa"]
     assert one.max() == two.max() == pytest.approx(15e3)
     assert not np.any((one > 0) & (two > 0))
+
+
+def opposing_law() -> SeveralLaw:
+    """τ = g (p₁ − p₂) − k u, in one law of both pressures."""
+    law = several_law()
+    terms = np.array([[1, 0, 1], [0, 1, 1], [0, 0, 2]])
+    maps = np.array([[0.0, 2e4], [0.0, 2e4], [0.0, 0.3]])
+    return dataclasses.replace(law, exponents=terms, coefficients=np.array([-4e-3, 4e-3, 2e-3]), maps=maps)
+
+
+def test_a_law_of_two_pressures_is_driven_by_each_and_by_both() -> None:
+    law = opposing_law()
+    chain = chain_of(law, 2, own=[(Actuator("pressure_1_pa"), Actuator("pressure_2_pa"))])
+    runs = timed_catalogue(BenchScale.of_chain(chain, 15e3))
+    each = named_run(runs, "each_input").history
+    one, two = each.actuation["pressure_1_pa"] > 0, each.actuation["pressure_2_pa"] > 0
+    assert [np.sum(one & ~two), np.sum(two & ~one), np.sum(one & two)] == [39] * 3
+    assert (
+        each.actuation["pressure_1_pa"].max() == each.actuation["pressure_2_pa"].max() == pytest.approx(15e3)
+    )
+    cycles = named_run(runs, "slow_cycles").history  # both at once would bend nothing
+    one, two = cycles.actuation["pressure_1_pa"], cycles.actuation["pressure_2_pa"]
+    assert one.max() == two.max() == pytest.approx(15e3)
+    assert not np.any((one > 0) & (two > 0))
+    blocked = named_run(runs, "blocked").history
+    levels = np.column_stack([blocked.actuation["pressure_1_pa"], blocked.actuation["pressure_2_pa"]])
+    wanted = law.evaluate(levels, np.zeros((len(levels), 1))).tau[:, 0]
+    np.testing.assert_allclose(blocked.moment_n_m, wanted, atol=1e-12)
+    assert np.abs(wanted).max() > 1e-3
 
 
 def test_a_chamber_that_the_bench_never_drove_stays_vented() -> None:

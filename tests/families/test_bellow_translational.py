@@ -50,6 +50,7 @@ def test_mass_is_that_of_the_published_volume() -> None:
     assert inertia[1] == pytest.approx(inertia[2], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_quarter_and_half_section_agree(model: ModuleSolver) -> None:
     """Symmetry about y = 0 and about z = 0 alike; the half section rests on one node along z."""
     design = family()

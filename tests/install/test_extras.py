@@ -159,7 +159,7 @@ def test_the_page_names_every_extra_for_users():
 def test_what_a_component_misses_is_a_sentence_whose_command_brings_it(component, hide):
     modules = (*component.requires, *component.lazy)
     hide(*modules)
-    config = component.config_model().model_validate({"kind": component.kind, **component.example})
+    config = component.config_model().model_validate({"kind": component.kind, **component.smallest_block()})
     assert component.missing(lazy=True) == modules[0]
     if component.requires:
         with pytest.raises(MissingDependencyError) as refused:

@@ -65,7 +65,7 @@ def test_a_backbone_a_direction_and_a_push_are_reached() -> None:
 def test_out_of_reach_is_said_with_the_closest_that_there_is() -> None:
     simulation = built(finger())
     inverse = InverseStatics(simulation, BOUNDS)
-    pressures = np.linspace(0.0, 15e3, 501)
+    pressures = np.linspace(0.0, 15e3, 251)
     tips = np.array([at(simulation, {"pressure_pa": p}).markers_m[-1] for p in pressures])
     random = np.random.default_rng(4)
     for _ in range(6):

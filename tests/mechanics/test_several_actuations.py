@@ -8,6 +8,7 @@ import pytest
 from pliant.config.chain import ActuatorConfig, ChainConfig
 from pliant.errors import UserError
 from pliant.mechanics.efforts import JointEfforts
+from pliant.mechanics.shared_actuation import SharedActuation
 from pliant.mechanics.shared_elasticity import SharedElasticity
 from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.records.actuation import ActuationKind, expected, kind_of, names_of, register
@@ -24,7 +25,7 @@ PAIR = (ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_
 def several_law(m: int = 2, axes: tuple[str, ...] = ("y",), seed: int = 0) -> SeveralLaw:
     """A stable law: a random energy of degree 3 beside a strong quadratic one in u."""
     k, random = len(axes), np.random.default_rng(seed)
-    joint = {1: "revolute", 3: "spherical", 4: "extensible"}[k]
+    joint = "revolute" if k == 1 else "extensible" if "e" in axes else "spherical"
     exponents = terms_of(3, 3, m, k)
     coefficients = 1e-5 * random.standard_normal(len(exponents))
     stiff = (exponents[:, m:].sum(axis=1) == 2) & (exponents[:, m:].max(axis=1) == 2)
@@ -142,3 +143,17 @@ def test_the_registry_of_actuations_is_open() -> None:
 
         actuation._KINDS.pop(kind.name, None)
     assert names_of("pressure_1_pa, pressure_2_pa") == ("pressure_1_pa", "pressure_2_pa")
+
+
+def test_a_share_of_all_actuations_has_a_compiled_form() -> None:
+    """Behind a regulator of its own a segment gets s a; slopes are by the chain's a, in and beside the box."""
+    law = SharedActuation(several_law(2, ("x", "y", "z")), 0.7)
+    scalar = law.scalar()
+    assert scalar is not None
+    for a, u in (([8e3, 1e4], [0.1, -0.2, 0.05]), ([4e4, -5e3], [0.4, 0.1, -0.5])):
+        tau, by_a, by_u = np.empty(3), np.empty(6), np.empty((3, 3))
+        scalar.function(np.array(a), np.array(u), scalar.parameters, tau, by_a, by_u)
+        wanted = law.evaluate(np.array([a]), np.array([u]))
+        np.testing.assert_allclose(tau, wanted.tau[0], rtol=1e-12)
+        np.testing.assert_allclose(by_a.reshape(3, 2), wanted.dtau_dp[0], rtol=1e-11)
+        np.testing.assert_allclose(by_u, wanted.dtau_du[0], rtol=1e-11)

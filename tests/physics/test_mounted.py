@@ -148,6 +148,17 @@ def test_a_floating_arm_and_no_mjcf_are_refused(tmp_path):
         ENGINE.check_mount(arm(tmp_path, "<arm name='a'/>"))
 
 
+def test_dry_friction_carries_nothing_at_rest(tmp_path, finger_of):
+    chain = finger_of("revolute", 3)
+    smooth = settled(chain.with_(mount=hinged(tmp_path)))
+    rough = hinged(tmp_path)
+    rough.file.write_text(
+        rough.file.read_text().replace('damping="0.01"', 'damping="0.01" frictionloss="0.2"')
+    )
+    found = settled(chain.with_(mount=rough))
+    assert found.converged and np.abs(found.markers_m - smooth.markers_m).max() < 1e-9
+
+
 def test_names_that_both_have_stay_apart(tmp_path, finger_of):
     text = WELDED.format(quat="1 0 0 0").replace('name="link"', 'name="soft_base"')
     chain = finger_of("revolute", 2)

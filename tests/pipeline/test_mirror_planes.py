@@ -15,7 +15,7 @@ FAMILIES = [c for c in discover().of("family") if c.package.startswith("pliant "
 @pytest.mark.parametrize("component", FAMILIES, ids=[c.kind for c in FAMILIES])
 def test_images_count_as_the_energy_does(component: Component) -> None:
     family = component.build(
-        component.config_model().model_validate({"kind": component.kind, **component.example})
+        component.config_model().model_validate({"kind": component.kind, **component.smallest_block()})
     )
     main = family.problem(axes=(family.main_axis,))
     assert main.energy_scale == 2 ** len(mirror_planes(main))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pliant import api
 from pliant.config.loading import load_study
 from pliant.config.portable import write_portable
 from pliant.errors import UserError
@@ -94,6 +95,12 @@ def test_an_engine_that_cannot_is_refused_before_fem(folder, monkeypatch, change
     )
     with pytest.raises(UserError, match=word):
         run(folder, study="fem.yaml")
+
+
+def test_what_needs_a_base_in_the_world_says_so(folder):
+    opened = api.open_study(folder / "finger.yaml", store=folder / "store")
+    with pytest.raises(UserError, match="A base that stays in the world"):
+        api.inverse(opened, {"pressure_pa": (0.0, 15e3)})
 
 
 def test_what_the_arm_reads_is_in_the_key(folder, tmp_path_factory):

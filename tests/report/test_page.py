@@ -125,7 +125,12 @@ SHOWN = [
 
 @pytest.mark.parametrize(
     ("name", "pictures", "says"),
-    [pytest.param(*one, marks=[pytest.mark.slow] if one[0] in ("unsettled", "two") else []) for one in SHOWN],
+    [
+        pytest.param(
+            *one, marks=[pytest.mark.slow] if one[0] in ("unsettled", "loaded", "two", "forty") else []
+        )
+        for one in SHOWN
+    ],
 )
 def test_a_page_shows_what_its_run_has(
     runs: dict[str, FinishedRun], name: str, pictures: str, says: list[str]

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from tests.cli.conftest import pliant, workplace, write  # noqa: F401 - fixtures
 from tests.plugins.test_own_file import EFFECT
+from typer.testing import CliRunner
 
+from pliant.cli.verbs import app
 from pliant.errors import UserError
 from pliant.store import archive as module
 from pliant.store.archive import import_archive
@@ -36,14 +38,24 @@ def kept(root, studies=("a",), count=2):
     return entries(root)
 
 
-@pytest.fixture
-def exported(workplace, pliant):  # noqa: F811
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
     """A study that ran at home, and its archive."""
-    Path("home/tables").mkdir(parents=True)
-    shutil.copy(TABLE, "home/tables/states.csv")
-    Path("home/study.yaml").write_text(STUDY)
-    pliant("run", "home/study.yaml", "--out", "home/run", "--store", "home/store").done()
-    pliant("store", "--export", "home/study.yaml", "--out", "study.zip", "--store", "home/store").done()
+    place = tmp_path_factory.mktemp("ran")
+    (place / "home/tables").mkdir(parents=True)
+    shutil.copy(TABLE, place / "home/tables/states.csv")
+    (place / "home/study.yaml").write_text(STUDY)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        for call in ("run home/study.yaml --out home/run", "store --export home/study.yaml --out study.zip"):
+            assert CliRunner().invoke(app, [*call.split(), "--store", "home/store"]).exit_code == 0
+    return place
+
+
+@pytest.fixture
+def exported(ran, workplace):  # noqa: F811
+    """A copy of both, in the working folder."""
+    shutil.copytree(ran, workplace, dirs_exist_ok=True)
     return Path("study.zip")
 
 

@@ -22,7 +22,7 @@ HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 def built(interface: str, kind: str, **settings: Any) -> Any:
     component = REGISTRY.get(interface, kind)
-    given = settings or component.example
+    given = settings or component.smallest_block()
     return component.build(component.config_model().model_validate({"kind": kind, **given}))
 
 

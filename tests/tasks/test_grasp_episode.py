@@ -42,6 +42,7 @@ def test_an_egg_is_lifted(grasp: Tasks, finger: ChainModel, mujoco: PhysicsBacke
     assert lowest[1] < 1e-3
 
 
+@pytest.mark.slow
 def test_an_egg_is_lifted_in_bullet(grasp: Tasks, finger: ChainModel, pybullet: PhysicsBackend) -> None:
     found = grasp(**QUICK).run(finger, pybullet.build_scene).metrics
     assert found["mode"] == "stable"

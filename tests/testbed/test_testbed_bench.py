@@ -235,7 +235,7 @@ def test_a_diagnoser_that_dies_costs_its_own_set_alone(
     with pytest.raises(SystemExit):
         bench()
     lines = named.lines()
-    assert [name for name, line in lines.items() if "killed twice" in line.get("error", "")] == [one]
+    assert [name for name, line in lines.items() if "was killed" in line.get("error", "")] == [one]
     assert len(lines) == 3
     monkeypatch.delenv("STAND_IN_DIES_AT")
     assert "3 sets, 2 done before" in bench()

@@ -23,6 +23,7 @@ from pliant.app.own_files import Watch
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import catalogue, screened
 from pliant.app.showing import recording, shown
+from pliant.app.space import space
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
@@ -130,6 +131,12 @@ class Desk:
                 "floor_from": {name: floor.source for name, floor in noise.floors.items()},
                 "parts": used,
             }
+
+    def space(self, values: Effects, run: str) -> dict[str, Any]:
+        """The robot through a run with these effects, in three dimensions."""
+        model = self._now()
+        with displayed_in(units_as_written(model.measurement)):
+            return space(model, values, run)
 
     def where(self) -> dict[str, Any]:
         """Where the present model fails on the training runs, in words and as a table."""

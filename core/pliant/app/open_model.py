@@ -28,8 +28,10 @@ from pliant.evidence.prediction import Prediction, Predictor, RunReadings, measu
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.repeats import repeat_groups
+from pliant.pipeline.study import StudyRun, laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
+from pliant.report.folder import FinishedRun, finished
 
 MOST_KEPT = 24  # predictions
 
@@ -237,6 +239,11 @@ class OpenModel:
     def comparison(self, effects: Effects) -> Comparison:
         """`pliant compare` of the training runs: what is put aside is not looked at for a choice."""
         return compare(self.split.training, self.predicted(effects))
+
+    @cached_property
+    def as_a_run(self) -> FinishedRun:
+        """The study with its laws as what a report reads, before an engine ran."""
+        return finished(StudyRun(self.study, laws_of_study(self.bench, self.study)), {})
 
     @property
     def key(self) -> list[Any]:

@@ -121,6 +121,8 @@ def application(desk: Desk, token: str) -> Starlette:
         return JSONResponse({"name": name})
 
     def example(_: Mapping[str, Any]) -> dict[str, Any]:
+        for dropped in desk.state.data:  # the example has its own recording
+            desk.forget(Path(dropped).name)
         for name in copy_example("hidden-effect", desk.folder.files):
             if name.endswith(".yaml"):
                 desk.take(name)
@@ -128,6 +130,7 @@ def application(desk: Desk, token: str) -> Starlette:
 
     posts: dict[str, Callable[[Mapping[str, Any]], Any]] = {
         "preview": lambda v: desk.preview(as_effects(v["effects"]), int(v.get("parts", 0))),
+        "space": lambda v: desk.space(as_effects(v["effects"]), str(v["run"])),
         "step": lambda v: desk.step(
             as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
         ),
@@ -202,12 +205,16 @@ async def _static(request: Request) -> Response:
 
 def _shipped(name: str) -> Response:
     """A file of the page itself, by a name that is among them."""
-    if name not in _SHIPPED:
+    if name not in _SHIPPED + _OF_REPORTS:
         return PlainTextResponse("not here\n", 404)
-    content = (resources.files("pliant.app") / "static" / name).read_bytes()
+    folder = resources.files("pliant.report") / "templates" if name in _OF_REPORTS else _STATIC
+    content = (folder / name).read_bytes()
     return Response(content, media_type=TYPES[Path(name).suffix])
 
 
+_STATIC = resources.files("pliant.app") / "static"
+# What draws in space, as on the pages of reports.
+_OF_REPORTS = ("parts.js", "scene.js", "moving.css")
 _SHIPPED = (
     "page.html",
     "page.css",

@@ -122,7 +122,7 @@ def export(
     loaded.need("chain", "an export")
     check_writable(out.parent)
     bench = here.bench()
-    carried = carried_chain(bench, loaded)
+    carried = carried_chain(bench, loaded, mounted=True)
     if part == "scene":
         files = _write_scene(bench, loaded, carried.chain, engine, out)
     else:
@@ -206,7 +206,7 @@ def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
     """The law alone, without a chain too."""
     check_writable(out.parent)
     bench = here.bench()
-    carried = carried_chain(bench, study) if study.chain is not None else None
+    carried = carried_chain(bench, study, mounted=True) if study.chain is not None else None
     laws = carried.chain.laws if carried else [stages.law.law for stages in laws_of_study(bench, study)]
     files = write_laws(laws, out, form)
     left_out = carried.left_out if carried else [effect.kind for effect in study.effects]

@@ -18,6 +18,7 @@ _CYCLES = ("period_s", "cycles", "amplitudes")
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "slow_cycles": _CYCLES,
     "fast_cycles": _CYCLES,
+    "each_input": ("period_s",),
     "small_loops": ("period_s",),
     "holds": ("levels", "hold_s"),
     "virgin": _CYCLES,

@@ -20,8 +20,10 @@ from pliant.execution.progress import Progress, Silent, bar_of
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+MOST_DEATHS = 2  # of its worker, the last one alone, after which a job is given up
 KILLED = (
-    "its worker was killed twice, the second time alone (out of memory, or a crash of the engine or solver)"
+    f"its worker was killed {MOST_DEATHS} times, the last time alone (out of memory, "
+    "or a crash of the engine or solver)"
 )
 KILLED_WORKER = "KilledWorker"  # dask's error, by name: dask is imported by those only who use it
 MOST_TRIES = 2  # of a job that the executor loses without the death of a worker
@@ -254,7 +256,7 @@ class JobQueue(Generic[Item, Result]):
                 self._queue.appendleft(job)
             elif len(job.items) > 1:
                 self._suspects.extend(job.singles())
-            elif was_alone and job.deaths:
+            elif was_alone and job.deaths + 1 >= MOST_DEATHS:
                 failed.append(Finished(job.key, job.items[0], failure=Failure(KILLED)))
             else:
                 self._suspects.append(replace(job, deaths=job.deaths + 1))

@@ -75,6 +75,25 @@ def fast_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
     return make.run("fast_cycles", words, make.cycles(shape, FAST_S, (1.0,) * 15))
 
 
+def each_input(make: RunMaker, shape: RunShape) -> PlannedRun | None:
+    """Every input by itself, then all together: what each of them moves, and what they do to each other."""
+    scale = make.scale
+    driven = scale.driven
+    if len(driven) < 2 or all(len(law.actuations) == 1 for law in scale.chain.laws):
+        return None
+    period = shape.period_s or MEDIUM_S
+    wave = make.cycles(replace(shape, cycles=len(driven) + 1), period, TWICE, one_way=True)
+    phase = np.minimum(wave.time_s / period, len(driven)).astype(int)
+    acting = {
+        name: scale.top[name] * wave.share * ((phase == driven.index(name)) | (phase == len(driven)))
+        if name in driven
+        else np.zeros(len(wave))
+        for name in scale.top
+    }
+    words = f"one medium cycle of each of {', '.join(driven)} alone, then one of all of them together"
+    return make.run("each_input", words, wave, inputs=acting)
+
+
 def small_loops(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Reversals: what sticks turns back flat."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(LOOPS)))]) * (shape.period_s or MEDIUM_S) / 2
@@ -209,6 +228,7 @@ def _times(shape: RunShape, usual: int) -> str:
 BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
     "slow_cycles": slow_cycles,
     "fast_cycles": fast_cycles,
+    "each_input": each_input,
     "small_loops": small_loops,
     "holds": holds,
     "virgin": virgin,

@@ -17,7 +17,7 @@ import numpy as np
 
 from pliant.errors import UserError, closest
 from pliant.mechanics.held import HELD
-from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.kinematics import ChainGeometry, main_axis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -93,8 +93,8 @@ class BenchScale:
 
     @property
     def both_ways(self) -> bool:
-        """Inputs of both signs are driven: opposed chambers."""
-        return len({np.sign(self._sign(name)) for name in self._driven()}) > 1
+        """Inputs that bend either way are driven: opposed chambers, or laws of several actuations that oppose."""
+        return len({np.sign(self._sign(name)) for name in self.driven}) > 1
 
     @property
     def is_held(self) -> bool:
@@ -116,7 +116,7 @@ class BenchScale:
 
     def actuation(self, share: Array) -> dict[str, Array]:
         """(t,) for each input: shares above 0 drive those that pull with the strongest, below 0 the opposed."""
-        driven = self._driven()
+        driven = self.driven
         lead = self._sign(max(driven, key=lambda name: self.top[name]))
         return {
             name: self.top[name] * np.maximum(share if self._sign(name) == lead else -share, 0.0)
@@ -135,19 +135,36 @@ class BenchScale:
             return None
         return sum_of_efforts(self.chain, actuation)
 
-    def _driven(self) -> list[str]:
+    @property
+    def driven(self) -> list[str]:
+        """The inputs that the bench drives."""
         most = max(self.top.values())
         return [name for name, value in self.top.items() if value >= DRIVEN * most]
 
     def _sign(self, name: str) -> float:
-        return next((a.sign for a in self.chain.actuators if a.input == name), 1.0)
+        """Which way an input bends: its actuator's sign; of a law of several, its effort's on a straight joint."""
+        place = next((k for k, a in enumerate(self.chain.actuators) if a.input == name), None)
+        if place is None:
+            return 1.0
+        joint = next(j for j in self.chain.joints if place in range(*self.chain.drives_of(j)))
+        law, (first, _) = self.chain.laws[joint.law], self.chain.drives_of(joint)
+        if len(law.actuations) == 1:
+            return self.chain.actuators[place].sign
+        alone = law.unactuated(2)
+        alone[1, place - first] = self.top[name]
+        at_rest, pushed = law.evaluate(alone, np.zeros((2, len(law.axes)))).tau[:, main_axis(law.axes)]
+        return -1.0 if pushed < at_rest else 1.0
 
 
 def sum_of_efforts(chain: ChainModel, actuation: Mapping[str, Array]) -> Array:
-    """(t,) effort of the first joint's law about its main axis at zero deformation, all actuators summed."""
+    """(t,) effort of the first joint's law about its main axis at zero deformation, under all that act on it."""
     law, main = chain.laws[chain.joints[0].law], ChainGeometry.of(chain).main
     total = np.zeros(len(next(iter(actuation.values()))))
-    for actuator in chain.actuators:
+    acting = chain.actuators[slice(*chain.drives_of(chain.joints[0]))]
+    if len(law.actuations) > 1:
+        levels = np.column_stack([actuation[actuator.input] for actuator in acting])
+        return law.evaluate(levels, np.zeros((len(levels), len(chain.axes)))).tau[:, main]
+    for actuator in acting:
         values = np.asarray(actuation[actuator.input], float)
         total += actuator.sign * law.evaluate(values, np.zeros((len(values), len(chain.axes)))).tau[:, main]
     return total
@@ -299,23 +316,32 @@ class RunMaker:
         *,
         adds: tuple[str, ...] = (),
         needs: str = "",
+        inputs: Mapping[str, Array] | None = None,
         **conditions: Any,
     ) -> PlannedRun:
-        """A run of this drive, without a clock where shares stand alone; `conditions` are those of `History.of`."""
+        """A run of this drive, without a clock where shares stand alone; `conditions` are those of `History.of`.
+
+        `inputs` stand for those that the drive's shares give.
+        """
         timed = wave if isinstance(wave, Wave) else None
         share = wave.share if isinstance(wave, Wave) else wave
         clock = None if timed is None else timed.time_s
-        inputs = self.scale.actuation(share)
-        history = History.of(inputs, clock, run=name, **{**self.scale.usual, **conditions})
+        history = History.of(
+            inputs or self.scale.actuation(share), clock, run=name, **{**self.scale.usual, **conditions}
+        )
         minutes = set_up if timed is None else round(set_up + timed.seconds / 60.0, 1)
         return PlannedRun(name, words, history, minutes, adds, needs)
 
-    def cycles(self, shape: RunShape, period_s: float, amplitudes: Sequence[float]) -> Wave:
-        """Triangles, every second one the other way where opposed chambers are driven."""
+    def cycles(
+        self, shape: RunShape, period_s: float, amplitudes: Sequence[float], one_way: bool = False
+    ) -> Wave:
+        """Triangles, every second one the other way where inputs bend both ways, unless `one_way`."""
         heights = shape.amplitudes or (
             tuple(amplitudes) if shape.cycles is None else (max(amplitudes),) * shape.cycles
         )
-        turns = [a * (-1.0) ** k if self.scale.both_ways else a for k, a in enumerate(heights)]
+        turns = [
+            a * (-1.0) ** k if self.scale.both_ways and not one_way else a for k, a in enumerate(heights)
+        ]
         period = shape.period_s or period_s
         return triangles(period, turns, step_of(period))
 

@@ -86,15 +86,23 @@ def parameter(
     prior: Prior = "normal",
     simpler: Mapping[float, str] | None = None,
     description: str = "",
+    example: Any = None,
 ) -> Any:
     """A field of an `EffectConfig` that calibration may fit: the one declaration of an `EffectParameter`.
 
     The field's default is `neutral`, its hard limits are `bounds`, both ends included. A field of a quantity
     (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `simpler` says of a shape at which
-    values a simpler form is enough, and how: ``{0.01: "one volume is enough"}``. `EffectConfig.fit_parameters` raises
-    `TypeError` for a declaration that cannot be.
+    values a simpler form is enough, and how: ``{0.01: "one volume is enough"}``; `example`, as people write it, goes
+    into the component's smallest block. `EffectConfig.fit_parameters` raises `TypeError` for a declaration that cannot
+    be.
     """
-    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description or None)  # type: ignore[assignment]
+    field: FieldInfo = Field(  # type: ignore[assignment]
+        default=neutral,
+        ge=bounds[0],
+        le=bounds[1],
+        description=description or None,
+        examples=None if example is None else [example],
+    )
     forms = tuple((simpler or {}).items())
     field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior, forms))
     return field

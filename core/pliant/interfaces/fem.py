@@ -64,7 +64,11 @@ class FemConfig(ComponentConfig):
         default=2e-4, gt=0, lt=1, description="adaptive: wanted error of the effort / its range in the data"
     )
     max_states: int = Field(
-        default=60, ge=8, le=512, description="adaptive: at most so many states to fit on the main axis"
+        default=60,
+        ge=8,
+        le=512,
+        description="adaptive: at most so many states to fit on the main axis; with several actuations in all, "
+        "those without a load apart",
     )
     pressures: int = Field(default=6, ge=2, le=64, description="grid: pressure levels, 0 included")
     angles: int = Field(default=7, ge=3, le=64, description="grid: angles at each pressure level")
@@ -78,7 +82,11 @@ class FemConfig(ComponentConfig):
         description="several axes: largest angle about those that are not the main one",
     )
     lateral_states: int = Field(
-        default=6, ge=2, le=128, description="several axes: at most so many states to fit about each of them"
+        default=6,
+        ge=2,
+        le=128,
+        description="several axes: at most so many states to fit about each of them, twice as many where its two "
+        "sides are no mirror images",
     )
     coupling_states: int = Field(
         default=8, ge=0, le=512, description="several axes: states that hold all of them"

@@ -37,9 +37,9 @@ class Carried:
         return tuple(said)
 
 
-def carried_chain(bench: Workbench, study: Study) -> Carried:
-    """The study's chain as files carry it; all stages before it are done."""
-    chain = chain_of_study(bench, study, mounted=True).chain
+def carried_chain(bench: Workbench, study: Study, mounted: bool = False) -> Carried:
+    """The study's chain as files carry it; all stages before it are done. `mounted`: see `chain_of_study`."""
+    chain = chain_of_study(bench, study, mounted).chain
     if study.task is not None:
         task: Task | SceneTask = bench.build("task", study.task)
         chain = task.prepare(chain)

@@ -200,7 +200,7 @@ def chain_of_study(bench: Workbench, study: Study, mounted: bool = False) -> Cha
     chain = study.need("chain", "a simulation")
     if chain.base.mount is not None and not mounted:
         raise UserError(
-            "this works with a base that stays where it is: leave 'chain.base.mount' out. A robot on an arm can be "
+            "A base that stays in the world is needed here: leave 'chain.base.mount' out. A robot on an arm can be "
             "simulated, drawn and exported (pliant run, render, export)."
         )
     check_study(bench, study)
@@ -259,6 +259,12 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
     return tuple(found)
 
 
+def arm_content(study: Study) -> dict[str, Any]:
+    """What keys hold of the arm that carries the chain: its meshes and included files count by their content."""
+    mount = study.chain.base.mount if study.chain is not None else None
+    return {} if mount is None else {"arm": [digest(file) for file in files_of(mount.file)]}
+
+
 def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
@@ -274,10 +280,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
         "density_kg_m3": density_of(study),
     }
-    if (
-        chain.base.mount is not None
-    ):  # meshes and included files count by their content, as the arm's own does
-        config["arm"] = [digest(file) for file in files_of(chain.base.mount.file)]
+    config |= arm_content(study)
     if own := region_densities(study):
         config["region_densities_kg_m3"] = own
     components = [bench.component("family", study.family)] if study.family else []

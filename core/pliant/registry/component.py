@@ -49,7 +49,7 @@ class Component:
         config: "module:Class" of its config model; the module must be cheap to import.
         implementation: "module:Class", imported only when the component is built.
         summary: one line for `pliant plugins` and the reference pages.
-        example: the smallest valid block without `kind`; conformance suites and docs use it.
+        example: what `smallest_block` needs beside the examples of the config's own fields.
         requires: modules that the implementation imports and that may be missing; the versions of their
             distributions are part of the keys of what it makes.
         lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions
@@ -104,6 +104,16 @@ class Component:
                 f"{self.origin}: '{self.config}' is no {base.__name__}; a config model must subclass it."
             )
         return model
+
+    def smallest_block(self) -> dict[str, Any]:
+        """The smallest valid block without `kind`, for conformance suites and docs: what the fields of the config give
+        as their `examples`, and `example`.
+        """
+        fields = self.config_model().model_fields.items()
+        given = [(name, f.validation_alias, f.examples[0]) for name, f in fields if f.examples]
+        # A key without its unit where the value says the unit.
+        keys = {str(short) if isinstance(value, str) else name: value for name, short, value in given}
+        return {**keys, **self.example}
 
     def implementation_class(self) -> Any:
         """Import the implementation without building it, for what its class declares.

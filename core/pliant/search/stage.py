@@ -9,10 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from pliant.config.study import Study
+from pliant.config.study_keys import KeyPath
 from pliant.errors import PliantError, UserError
 from pliant.execution.executors import Executor, Workers, either, executor_for
 from pliant.execution.progress import Once
+from pliant.pipeline.engine_checks import check_engines
 from pliant.pipeline.meta_model.stage import meta_model_stage
+from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
 from pliant.search.evaluate.evaluator import OF_EVERY_TASK, evaluator_of_study, problem_of
@@ -86,6 +89,8 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
         if getattr(study, key) is not None:
             bench.build(key, getattr(study, key))
     problem = problem_of(bench, study)
+    if not {("task", "kind"), ("physics", "kind")} & set_by_search(problem):
+        check_engines(bench, study, physics_of_study(bench, study))
     _require_measured(bench, problem)
     _require_choosable(bench, study, problem)
     check_verifiable(study, problem.registry)
@@ -93,11 +98,15 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
     return problem
 
 
+def set_by_search(problem: SearchProblem) -> set[KeyPath]:
+    """Keys of the study in whose place variables and conditions put something else."""
+    conditions = {key for condition in problem.conditions for key in condition.changes}
+    return {key for one in problem.variables for key in one.keys} | conditions
+
+
 def _require_measured(bench: Workbench, problem: SearchProblem) -> None:
     """Raise `UserError` where a formula names what the task, as far as it says so, does not measure."""
-    set_by_search = {key for one in problem.variables for key in one.keys}
-    set_by_search |= {key for condition in problem.conditions for key in condition.changes}
-    if ("task", "kind") not in set_by_search:
+    if ("task", "kind") not in set_by_search(problem):
         measured = bench.build("task", problem.study.need("task", "a search")).measures()
         if measured:
             problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))

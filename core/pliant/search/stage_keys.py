@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pliant.config.study import BLOCKS, Study
-from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
+from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE, arm_content
 from pliant.pipeline.workbench import Workbench, content
 from pliant.registry.component import Component
 
@@ -26,7 +26,7 @@ def content_of(study: Study, without: Sequence[str]) -> dict[str, Any]:
     """What a search depends on, without some keys of `search`."""
     plain = {key: value for key, value in content(study).items() if key not in APART}
     plain["search"] = {key: value for key, value in plain["search"].items() if key not in without}
-    return plain
+    return plain | arm_content(study)
 
 
 def components_of(bench: Workbench, study: Study, also: Sequence[str] = ()) -> list[Component]:

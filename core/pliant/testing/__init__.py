@@ -129,7 +129,7 @@ class Subject:
 
     def configured(self, changes: Mapping[str, Any]) -> ComponentConfig:
         """The example's config with some fields replaced; keys are field names."""
-        example = {"kind": self.component.kind, **self.component.example}
+        example = {"kind": self.component.kind, **self.component.smallest_block()}
         values = {**self.model.model_validate(example).model_dump(), **changes}
         return self.model.model_validate(values)
 

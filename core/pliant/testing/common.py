@@ -62,7 +62,7 @@ def config_names_its_kind(subject: Subject) -> None:
 
 def example_is_valid(subject: Subject) -> None:
     """the manifest's `example` is a valid block, with `kind` left out."""
-    require("kind" not in subject.component.example, "the example holds 'kind'; leave it out")
+    require("kind" not in subject.component.smallest_block(), "the example holds 'kind'; leave it out")
     subject.config  # noqa: B018 - validating is the test
 
 

@@ -24,7 +24,7 @@ class ActuationGainConfig(EffectConfig):
     """g, acting / commanded actuation."""
 
     kind: Literal["actuation_gain"] = "actuation_gain"
-    gain: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2))
+    gain: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2), example=0.9)
     """true actuation / nominal"""
     fading: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), role="form")
     """share of the change that is gone at the largest pressure of the law"""

@@ -26,7 +26,7 @@ class BacklashConfig(EffectConfig):
     """Width w of the play."""
 
     kind: Literal["backlash"] = "backlash"
-    play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1), example="2 deg")
     """clearance between joint and sensor, whole width"""
     spread: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.6), role="form")
     """of parts in a row with clearances of their own: how far three of them are from their mean"""

@@ -24,9 +24,9 @@ class BaseMisalignmentConfig(EffectConfig):
     """Turns θ_y (pitch) and θ_x (roll) of the mount."""
 
     kind: Literal["base_misalignment"] = "base_misalignment"
-    pitch_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    pitch_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05), example="2 deg")
     """tilt about world y, in the bending plane"""
-    roll_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    roll_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05), example="1 deg")
     """tilt about world x, out of the bending plane"""
 
 

@@ -23,7 +23,7 @@ class BimodulusConfig(EffectConfig):
     """Asymmetry b of the elastic effort and width w of its transition."""
 
     kind: Literal["bimodulus"] = "bimodulus"
-    asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3))
+    asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), example=0.2)
     """(stiffness toward actuation − stiffness away from it) / their sum"""
     width_rad: Angle = parameter(
         neutral=0.02, bounds=(1e-6, 0.5), plausible=(0.005, 0.08), role="form", prior="log_normal"

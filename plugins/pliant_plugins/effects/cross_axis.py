@@ -29,7 +29,7 @@ class CrossAxisConfig(EffectConfig):
     """Turn α of the bending axis about the chain."""
 
     kind: Literal["cross_axis"] = "cross_axis"
-    turn_rad: Angle = parameter(neutral=0.0, bounds=(-1.5, 1.5), plausible=(-0.2, 0.2))
+    turn_rad: Angle = parameter(neutral=0.0, bounds=(-1.5, 1.5), plausible=(-0.2, 0.2), example="8 deg")
     """turn of the bending axis about the chain axis"""
 
 

@@ -25,7 +25,9 @@ class DeadZoneConfig(EffectConfig):
     """p₀, the pressure that is lost before anything moves."""
 
     kind: Literal["dead_zone"] = "dead_zone"
-    threshold_pa: Pressure = parameter(neutral=0.0, bounds=(0.0, 1e5), plausible=(100.0, 2e3))
+    threshold_pa: Pressure = parameter(
+        neutral=0.0, bounds=(0.0, 1e5), plausible=(100.0, 2e3), example="600 Pa"
+    )
     """pressure that is lost before anything moves"""
     rounding: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
     """width of the corner at the threshold, as a share of it"""

@@ -70,9 +70,9 @@ class EndRestraintConfig(EffectConfig):
     """s and c k₀ at both ends."""
 
     kind: Literal["end_restraint"] = "end_restraint"
-    base_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0))
+    base_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0), example=0.97)
     """share of the first module that bends"""
-    cap_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0))
+    cap_share: Ratio = parameter(neutral=1.0, bounds=(0.2, 1.5), plausible=(0.5, 1.0), example=0.65)
     """share of the last module that bends"""
     base_give: Ratio = parameter(neutral=0.0, bounds=(0.0, 10.0), plausible=(0.0, 2.0))
     """compliance of the clamp x stiffness at rest"""

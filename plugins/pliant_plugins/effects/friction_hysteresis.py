@@ -29,7 +29,9 @@ class FrictionHysteresisConfig(EffectConfig):
     """Half width w of the loop as an angle, and the distance δ over which friction builds up."""
 
     kind: Literal["friction_hysteresis"] = "friction_hysteresis"
-    half_width_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    half_width_rad: Angle = parameter(
+        neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1), example="1.5 deg"
+    )
     """friction moment / stiffness at rest, per joint"""
     break_away_rad: Angle = parameter(
         neutral=0.01,
@@ -38,6 +40,7 @@ class FrictionHysteresisConfig(EffectConfig):
         role="shape",
         prior="log_normal",
         simpler={0.002: "it slips at once"},
+        example="0.5 deg",
     )
     """angle after which a joint slips"""
     spread: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.95), plausible=(0.0, 0.8), role="form")

@@ -26,7 +26,7 @@ class GravityScaleConfig(EffectConfig):
     """f, true weight / model's, and a."""
 
     kind: Literal["gravity_scale"] = "gravity_scale"
-    factor: Ratio = parameter(neutral=1.0, bounds=(0.0, 10.0), plausible=(0.8, 1.3))
+    factor: Ratio = parameter(neutral=1.0, bounds=(0.0, 10.0), plausible=(0.8, 1.3), example=1.1)
     """true weight / model's"""
     aside: Ratio = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.03, 0.03))
     """centres of mass beside the axis / length of the chain"""

@@ -43,7 +43,7 @@ class InertiaConfig(EffectConfig):
     """f, acting / computed inertia, and ζ."""
 
     kind: Literal["inertia"] = "inertia"
-    scale: Ratio = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.3, 2.0))
+    scale: Ratio = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.3, 2.0), example=1)
     """inertia that acts / that of the chain's masses"""
     damping_ratio: Ratio = parameter(
         neutral=0.1,

@@ -31,7 +31,7 @@ class InterModuleComplianceConfig(EffectConfig):
     """Compliance κ of a connection over that of a module."""
 
     kind: Literal["inter_module_compliance"] = "inter_module_compliance"
-    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 3.0), plausible=(0.02, 0.3))
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 3.0), plausible=(0.02, 0.3), example=0.15)
     """compliance of one connection / that of a joint at rest"""
 
 

@@ -32,7 +32,9 @@ class LeakConfig(EffectConfig):
     """Rate λ of the leak and time constant T_s of the supply that refills it."""
 
     kind: Literal["leak"] = "leak"
-    rate_1_s: float = parameter(unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1))
+    rate_1_s: float = parameter(
+        unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1), example=0.03
+    )
     """share of its pressure that a closed chamber loses, 1/s"""
     filling_time_s: Time = parameter(
         neutral=0.2, bounds=(1e-6, 60.0), plausible=(0.05, 0.8), role="form", prior="log_normal"

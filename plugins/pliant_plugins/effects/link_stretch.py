@@ -31,7 +31,9 @@ class LinkStretchConfig(EffectConfig):
     """c, strain per pressure."""
 
     kind: Literal["link_stretch"] = "link_stretch"
-    strain_per_mpa: float = parameter(unit="MPa^-1", neutral=0.0, bounds=(-10.0, 20.0), plausible=(0.0, 3.0))
+    strain_per_mpa: float = parameter(
+        unit="MPa^-1", neutral=0.0, bounds=(-10.0, 20.0), plausible=(0.0, 3.0), example=0.83
+    )
     """axial strain of the pieces per MPa of pressure"""
 
 

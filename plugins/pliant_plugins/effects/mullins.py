@@ -24,7 +24,7 @@ class MullinsConfig(EffectConfig):
     """Largest softening d and the angle s over which it fades."""
 
     kind: Literal["mullins"] = "mullins"
-    softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4))
+    softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4), example=0.2)
     """share of the elastic effort that is lost at most"""
     scale_rad: Angle = parameter(
         neutral=0.2,
@@ -36,6 +36,7 @@ class MullinsConfig(EffectConfig):
             0.05: "the loss comes at once",
             1.0: "the loss is in proportion to the energy below the largest",
         },
+        example=0.2,
     )
     """angle over which the loss comes, per joint"""
     power: float = parameter(unit="1", neutral=1.0, bounds=(0.3, 2.0), plausible=(0.5, 1.3), role="form")

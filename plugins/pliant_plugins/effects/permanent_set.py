@@ -24,7 +24,7 @@ class PermanentSetConfig(EffectConfig):
     """s, residual / largest angle."""
 
     kind: Literal["permanent_set"] = "permanent_set"
-    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.6), plausible=(0.01, 0.15))
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.6), plausible=(0.01, 0.15), example=0.08)
     """angle that stays / largest past angle"""
     power: float = parameter(unit="1", neutral=1.0, bounds=(0.5, 3.0), plausible=(0.7, 2.0), role="form")
     """power of the largest angle with which the set grows"""

@@ -23,7 +23,7 @@ class PressureOffsetConfig(EffectConfig):
     """p₀, acting − commanded pressure."""
 
     kind: Literal["pressure_offset"] = "pressure_offset"
-    offset_pa: Pressure = parameter(neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3))
+    offset_pa: Pressure = parameter(neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3), example="500 Pa")
     """acting − commanded pressure"""
     fading: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), role="form")
     """share of the change that is gone at the largest pressure of the law"""

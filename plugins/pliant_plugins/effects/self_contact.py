@@ -25,7 +25,7 @@ class SelfContactConfig(EffectConfig):
     """Stiffening c beyond the angle u_c where walls touch."""
 
     kind: Literal["self_contact"] = "self_contact"
-    stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0))
+    stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0), example=3)
     """stiffness of the contact / stiffness at rest"""
     contact_rad: Angle = parameter(
         neutral=0.25,
@@ -34,6 +34,7 @@ class SelfContactConfig(EffectConfig):
         role="shape",
         prior="log_normal",
         simpler={0.05: "walls touch from the start: a stiffness is enough"},
+        example="15 deg",
     )
     """angle at which walls touch, per joint"""
     power: float = parameter(unit="1", neutral=1.0, bounds=(1.0, 3.0), plausible=(1.0, 2.0), role="form")

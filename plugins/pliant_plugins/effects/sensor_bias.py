@@ -25,7 +25,7 @@ class SensorBiasConfig(EffectConfig):
     """b, reported − true angle."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    bias_rad: Angle = parameter(neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05))
+    bias_rad: Angle = parameter(neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05), example="2 deg")
     """reading − true angle"""
 
 

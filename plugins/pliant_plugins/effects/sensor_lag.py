@@ -26,7 +26,7 @@ class SensorLagConfig(EffectConfig):
     """T, the time in which two thirds of a step are read."""
 
     kind: Literal["sensor_lag"] = "sensor_lag"
-    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0), example="0.3 s")
     """time constant of the sensor's first-order lag"""
     second_ratio: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
     """time constant of a second lag behind it, as a share of the first"""

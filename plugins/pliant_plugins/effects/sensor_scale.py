@@ -21,7 +21,7 @@ class SensorScaleConfig(EffectConfig):
     """s, reading / true angle − 1."""
 
     kind: Literal["sensor_scale"] = "sensor_scale"
-    excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1))
+    excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1), example=0.06)
     """reading / true angle − 1"""
     curvature_per_rad: float = parameter(
         unit="rad^-1", neutral=0.0, bounds=(-1.0, 2.0), plausible=(-0.4, 0.4), role="form"

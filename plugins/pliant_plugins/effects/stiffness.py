@@ -25,7 +25,7 @@ class StiffnessConfig(EffectConfig):
     """f, true passive stiffness / model's."""
 
     kind: Literal["stiffness"] = "stiffness"
-    factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4))
+    factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4), example=1.2)
     """true passive stiffness / model's"""
     angle_power: float = parameter(
         unit="1", neutral=0.0, bounds=(-0.3, 1.0), plausible=(-0.25, 0.25), role="form"

@@ -40,7 +40,7 @@ class SupplyLagConfig(EffectConfig):
     """T, in which the regulator has brought two thirds of a step up, and in shares of it: venting, the hose."""
 
     kind: Literal["supply_lag"] = "supply_lag"
-    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0), example="0.4 s")
     """time constant of the supply's first stage, filling"""
     vent_ratio: Ratio = parameter(
         neutral=1.0,

@@ -31,7 +31,7 @@ class TendonFrictionConfig(EffectConfig):
     """μ, w₀ and δ."""
 
     kind: Literal["tendon_friction"] = "tendon_friction"
-    friction: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.5), plausible=(0.05, 0.4))
+    friction: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.5), plausible=(0.05, 0.4), example=0.2)
     """coefficient of friction of the tendon in its guides"""
     wrap_at_rest_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 3.2), plausible=(0.0, 0.2), role="form")
     """angle by which the tendon bends in each joint at rest"""

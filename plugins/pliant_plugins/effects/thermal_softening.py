@@ -23,7 +23,9 @@ class ThermalSofteningConfig(EffectConfig):
     """c, loss of stiffness per kelvin."""
 
     kind: Literal["thermal_softening"] = "thermal_softening"
-    loss_per_k: float = parameter(unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.003, 0.01))
+    loss_per_k: float = parameter(
+        unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.003, 0.01), example=0.005
+    )
     """share of the stiffness lost per kelvin, 1/K"""
     curvature_per_k: float = parameter(
         unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.01, 0.01), role="form"

@@ -31,7 +31,7 @@ class ViscoelasticConfig(EffectConfig):
     """g and T of one branch."""
 
     kind: Literal["viscoelastic"] = "viscoelastic"
-    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.05, 0.5))
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.05, 0.5), example=0.3)
     """stiffness that relaxes / stiffness at rest"""
     time_s: Time = parameter(
         neutral=20.0,
@@ -40,6 +40,7 @@ class ViscoelasticConfig(EffectConfig):
         role="shape",
         prior="log_normal",
         simpler={1.0: "it relaxes within a second: viscous_damping is enough"},
+        example="30 s",
     )
     """time constant in which it relaxes"""
     spread: Ratio = parameter(neutral=1.0, bounds=(1.0, 12.0), plausible=(1.0, 5.0), role="form")

@@ -25,7 +25,7 @@ class ViscousDampingConfig(EffectConfig):
     """T, retardation time: damping / stiffness at rest."""
 
     kind: Literal["viscous_damping"] = "viscous_damping"
-    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.02, 1.0))
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.02, 1.0), example="0.2 s")
     """retardation time, damping / stiffness at rest"""
     rate_power: float = parameter(unit="1", neutral=1.0, bounds=(0.3, 2.0), plausible=(0.6, 1.4), role="form")
     """power of the rate with which the moment grows"""

@@ -25,7 +25,7 @@ class WallThicknessConfig(EffectConfig):
     """s, a and b."""
 
     kind: Literal["wall_thickness"] = "wall_thickness"
-    ratio: Ratio = parameter(neutral=1.0, bounds=(0.5, 2.0), plausible=(0.85, 1.15))
+    ratio: Ratio = parameter(neutral=1.0, bounds=(0.5, 2.0), plausible=(0.85, 1.15), example=1.1)
     """true thickness of the walls / nominal"""
     elastic_exponent: float = parameter(
         unit="1", neutral=2.15, bounds=(0.0, 4.0), plausible=(1.6, 2.7), role="form"

@@ -1,6 +1,7 @@
 """Controllers to beat, for `pliant/Reach-v0` and `pliant/Track-v0`: none of them learns.
 
-All know the nominal model's equilibria and what a bench measures, never the episode's own robot.
+All know the nominal model's equilibria and what a bench measures, never the episode's own robot. Several may share one
+`model`, which remembers the places that were aimed at.
 """
 
 from __future__ import annotations
@@ -112,8 +113,8 @@ def _aim(info: Mapping[str, Any]) -> Array:
 class OpenLoop:
     """Inverse statics of the nominal model; what is measured is not looked at."""
 
-    def __init__(self, env: MeasuredEnv) -> None:
-        self._model = Nominal(env)
+    def __init__(self, env: MeasuredEnv, model: Nominal | None = None) -> None:
+        self._model = model or Nominal(env)
 
     def begin(self, info: Mapping[str, Any]) -> None:
         """Nothing is remembered."""
@@ -128,8 +129,14 @@ class ProportionalIntegral:
     Gains are per control step: `proportional`, `integral`. The integral stops where an input is at its limit.
     """
 
-    def __init__(self, env: MeasuredEnv, proportional: float = 0.5, integral: float = 0.3) -> None:
-        self._model, self._gains = Nominal(env), (proportional, integral)
+    def __init__(
+        self,
+        env: MeasuredEnv,
+        proportional: float = 0.5,
+        integral: float = 0.3,
+        model: Nominal | None = None,
+    ) -> None:
+        self._model, self._gains = model or Nominal(env), (proportional, integral)
         self._damping = (DAMPING * env.chain.length_m) ** 2
         self._sum = np.zeros(len(env.inputs))
 
@@ -156,8 +163,10 @@ class Predictive:
     & Rawlings, AIChE J. 49, 2003).
     """
 
-    def __init__(self, env: MeasuredEnv, trust: float = 0.1, lag: int = 1) -> None:
-        self._model, self._trust = Nominal(env), trust
+    def __init__(
+        self, env: MeasuredEnv, trust: float = 0.1, lag: int = 1, model: Nominal | None = None
+    ) -> None:
+        self._model, self._trust = model or Nominal(env), trust
         self._none = np.zeros(len(env.inputs))
         self._missed, self._past = np.zeros(3), deque[Array](maxlen=1 + lag + env.late)
 

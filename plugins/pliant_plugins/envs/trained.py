@@ -38,11 +38,12 @@ class LinearResidual:
     Args:
         env: for the nominal model.
         gains: (features,) in the order of `FEATURES`, the same for all inputs; zeros are open-loop inverse statics.
+        model: the nominal model, where there is one already.
     """
 
-    def __init__(self, env: MeasuredEnv, gains: Array) -> None:
+    def __init__(self, env: MeasuredEnv, gains: Array, model: Nominal | None = None) -> None:
         self.gains = np.asarray(gains, float).reshape(len(FEATURES))
-        self._model, self._late, self._none = Nominal(env), env.late, np.zeros(len(env.inputs))
+        self._model, self._late, self._none = model or Nominal(env), env.late, np.zeros(len(env.inputs))
         self._targets = deque[Array](maxlen=self._late + 1)
         self._sum: Array = self._none
         self._change, self._error, self._last = self._sum, self._sum, self._sum

@@ -43,6 +43,7 @@ async function load() {
   await besides(m, key);
   tables(); draw(); effects.show(m, screening && screening.found, true);
   const at = version;
+  await space();
   where = await ask("where"); if (at === version) { sentence(); tables(); }
   const found = await ask("screen"); screening = {of: at, found};
   if (at === version) { effects.show(m, found); silent(found); document.body.dataset.ready = at; }
@@ -58,6 +59,20 @@ async function besides(m, key) {
   const of = key + JSON.stringify(m.steps[+k].effects);
   if (asis === null || asis.of !== of) asis = {of, predicted: unpack((await ask("preview", {effects: m.steps[+k].effects})).predicted)};
   asis.words = m.steps[+k].words;
+}
+// The robot through a run, where the reader has opened it; what is looked at stays while effects change.
+async function space() {
+  if (!$("space").open || !view || !view.model) return;
+  const hold = $("robotview"), names = data.runs.map(run => ({name: run.name, label: `${run.name}${run.aside ? " (put aside)" : ""}`}));
+  fill($("spacerun"), names, names[0].name);
+  const run = $("spacerun").value, of = curvesOf + run;
+  let found; try { found = await ask("space", {effects: view.model.effects, run}); $("spacesaid").textContent = ""; }
+  catch (error) { hold.replaceChildren(); delete hold.scene; $("spacesaid").textContent = error.message; return; }
+  const colours = JSON.stringify(found.colourings.map(one => one.name));
+  if (hold.scene && hold.dataset.of === of && hold.dataset.colours === colours) { hold.scene.retake(found); return; }
+  const was = hold.dataset.of === of ? hold.scene : null;
+  hold.replaceChildren(); hold.dataset.of = of; hold.dataset.colours = colours; hold.scene = new PliantParts.Scene(hold, found);
+  if (was) { was.pause(); Object.assign(hold.scene, {turned: was.turned, zoomed: was.zoomed}); hold.scene.show(was.state); }
 }
 function decode(curves) {
   curves.n = curves.time.length; curves.run = []; curves.starts = [];
@@ -89,6 +104,8 @@ function begin() {
   const r = view.recording, hold = $("recording"); hold.replaceChildren();
   $("title").textContent = view.study || view.data.join(", ") || "Drop a recording and a study";
   if (view.refused) hold.append(el("p", {class: "warning"}, view.refused));
+  if (view.data.length) hold.append(el("p", {}, ...view.data.flatMap(name => [`${name} `,
+    el("button", {type: "button", onclick: attempt(async () => { await ask("forget", {name}); await beat(); })}, "Leave it out"), " "])));
   if (!r) return;
   if (r.refused) { hold.append(el("pre", {}, r.refused)); return; }
   hold.append(el("p", {class: "result"}, r.sentence), ...r.doubts.map(d => el("p", {class: "warning"}, d)),
@@ -305,6 +322,7 @@ go("yaml", async () => { const s = await ask("yaml", {}); let told = "copied";
   try { await navigator.clipboard.writeText(s.yaml); } catch { told = "copy it from here"; } dialog(`As YAML, ${told}`, s.yaml, []); });
 $("beside").addEventListener("change", attempt(async () => { $("beside").dataset.chosen = "1"; await besides(view.model, curvesOf); draw(); }));
 for (const id of ["output", "over", "against", "seeaside"]) $(id).addEventListener("change", () => { share(); draw(); });
+for (const [id, event] of [["space", "toggle"], ["spacerun", "change"]]) $(id).addEventListener(event, attempt(space));
 $("files").addEventListener("change", attempt(async event => { await upload(event.target.files); event.target.value = ""; }));
 document.addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dragging"); });
 document.addEventListener("dragleave", () => document.body.classList.remove("dragging"));

@@ -12,6 +12,8 @@ method does.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -33,7 +35,7 @@ FIRST_STEP_S, LONGEST_STEP_S = 0.02, 1e6
 LONGEST_MOVE = 0.4  # rad or m in one step
 MOST_STEPS = 400
 NUDGE = 1e-3
-# Efforts of MuJoCo's constraints (limits, welds, dry friction) are as exact as its solver.
+# Efforts of MuJoCo's constraints (limits, welds, contacts) are as exact as its solver.
 OF_CONSTRAINTS = 1e-6
 
 
@@ -114,8 +116,9 @@ class MountedSimulation(MujocoSimulation):
     def settle(self) -> Equilibrium:
         start = time.perf_counter()
         loads, efforts = self.now(), self.statics.efforts
-        with silent():
+        with silent(), self._without_dry_friction():
             converged, steps = self._descend(loads)
+            own = float(np.abs(self._unbalanced(loads)[self._dofs]).max(initial=0.0))
         q = self.q
         if self.chain.terms:
             self._memory = efforts.advance(q, loads.actuation, self._memory)
@@ -125,7 +128,6 @@ class MountedSimulation(MujocoSimulation):
             base_position_m=carrier.in_world(np.asarray(self.chain.base_position_m, float)),
             base_rotation=turned,
         )
-        own = float(np.abs(self._unbalanced(loads)[self._dofs]).max(initial=0.0))
         chains = float(np.abs(ChainStatics(placed).residual(q, loads)).max())
         return Equilibrium(
             joint_angles=q,
@@ -138,6 +140,16 @@ class MountedSimulation(MujocoSimulation):
             outside_domain=efforts.outside_domain(q, loads.actuation, self._time_s),
             carrier=carrier,
         )
+
+    @contextmanager
+    def _without_dry_friction(self) -> Iterator[None]:
+        """MuJoCo's dry friction creeps under any force, so that at rest it carries nothing."""
+        flags = self.model.opt.disableflags
+        self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+        try:
+            yield
+        finally:
+            self.model.opt.disableflags = flags
 
     def _unbalanced(self, loads: Loads) -> Array:
         """(nv,) efforts at rest where arm and chain are."""

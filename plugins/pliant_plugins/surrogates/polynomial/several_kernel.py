@@ -11,6 +11,8 @@ import numpy as np
 from pliant.records.design import Array
 
 HEADER = 6
+# Sums that are made at once: so many do not wait for each other.
+LANES = 4
 
 
 def several_effort(
@@ -22,21 +24,25 @@ def several_effort(
     maps = HEADER
     of_a = maps + 2 * (m + k)
     rows = of_a + n_a * m
-    # powers and slopes in a; powers and two slopes in u; monomials in a and their slopes; sums of a row
+    # powers and slopes in a; powers and two slopes in u; monomials in a and their slopes, in whole blocks of `LANES`;
+    # sums of a row; value and two slopes of each power of a row, and which of them are there
+    lanes = LANES * ((m + LANES) // LANES)
     at_u = 2 * m * deep_a
     mono = at_u + 3 * k * deep_u
-    sums = mono + n_a * (1 + m)
-    work = np.empty(sums + 1 + m)
+    sums = mono + n_a * lanes
+    parts = sums + lanes
+    work = np.empty(parts + 4 * k)
+    there = parts + 3 * k
     for j in range(m):
         _powers(actuation[j], c, maps + 2 * j, deep_a, False, work, 2 * j * deep_a)
     for i in range(k):
         _powers(deformation[i], c, maps + 2 * (m + i), deep_u, True, work, at_u + 3 * i * deep_u)
     for p in range(n_a):
-        for s in range(1 + m):  # the value, then the slope by each
-            value = 1.0
+        for s in range(lanes):  # the value, then the slope by each
+            value = 1.0 if s <= m else 0.0
             for j in range(m):
                 value *= work[(2 * j + (1 if s == j + 1 else 0)) * deep_a + int(c[of_a + p * m + j])]
-            work[mono + s * n_a + p] = value
+            work[mono + p * lanes + s] = value
     for i in range(k):
         tau[i] = 0.0
         for j in range(m):
@@ -46,21 +52,48 @@ def several_effort(
     width = 1 + k + n_a
     for t in range(n_u):
         row = rows + t * width
-        for s in range(1 + m):
-            total = 0.0
-            for p in range(int(c[row])):
-                total += c[row + 1 + k + p] * work[mono + s * n_a + p]
-            work[sums + s] = total
-        for i in range(k):
-            slope = _slope(c, row, work, at_u, deep_u, k, i, -1)
-            tau[i] -= work[sums] * slope
+        _sum_row(c, row + 1 + k, int(c[row]), lanes, work, mono, sums)
+        count = 0  # of the deformations that the monomial has; slopes by others are 0
+        for b in range(k):
+            power = int(c[row + 1 + b])
+            if power:
+                for order in range(3):
+                    work[parts + 3 * count + order] = work[at_u + (3 * b + order) * deep_u + power]
+                work[there + count] = b
+                count += 1
+        total = work[sums]
+        for e in range(count):
+            i = int(work[there + e])
+            slope = _slope(work, parts, count, e, -1)
+            tau[i] -= total * slope
             for j in range(m):
                 dtau_dp[i * m + j] -= work[sums + 1 + j] * slope
-            for j in range(i, k):
-                dtau_du[i, j] -= work[sums] * _slope(c, row, work, at_u, deep_u, k, i, j)
+            for f in range(e, count):
+                dtau_du[i, int(work[there + f])] -= total * _slope(work, parts, count, e, f)
     for i in range(k):
         for j in range(i):
             dtau_du[i, j] = dtau_du[j, i]
+
+
+def shared(parameters: Array, share: float) -> Array:
+    """The parameters of the law τ(s a, u)."""
+    found = parameters.copy()
+    found[HEADER : HEADER + 2 * int(parameters[0])] /= share  # centres and half-widths of the actuations
+    return found
+
+
+def _sum_row(c: Array, first: int, count: int, lanes: int, work: Array, mono: int, sums: int) -> None:
+    """Fills value and slopes by each actuation of a row of coefficients, `LANES` side by side."""
+    for lane in range(0, lanes, LANES):
+        a, b, d, e = 0.0, 0.0, 0.0, 0.0
+        for p in range(count):
+            one, at = c[first + p], mono + p * lanes + lane
+            a += one * work[at]
+            b += one * work[at + 1]
+            d += one * work[at + 2]
+            e += one * work[at + 3]
+        work[sums + lane], work[sums + lane + 1] = a, b
+        work[sums + lane + 2], work[sums + lane + 3] = d, e
 
 
 def _powers(value: float, c: Array, maps: int, deep: int, bent: bool, work: Array, at: int) -> None:
@@ -84,10 +117,9 @@ def _powers(value: float, c: Array, maps: int, deep: int, bent: bool, work: Arra
         power *= inside
 
 
-def _slope(c: Array, row: int, work: Array, at_u: int, deep: int, k: int, i: int, j: int) -> float:
-    """∂/∂u_i of a monomial in u, and ∂²/∂u_i∂u_j where j is not −1."""
+def _slope(work: Array, parts: int, count: int, i: int, j: int) -> float:
+    """The slope of a row's monomial by its i-th deformation, and by the j-th where that is not −1."""
     value = 1.0
-    for b in range(k):
-        order = (1 if b == i else 0) + (1 if b == j else 0)
-        value *= work[at_u + (3 * b + order) * deep + int(c[row + 1 + b])]
+    for b in range(count):
+        value *= work[parts + 3 * b + (1 if b == i else 0) + (1 if b == j else 0)]
     return value

@@ -19,7 +19,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.polynomial.law import KIND
-from pliant_plugins.surrogates.polynomial.several_kernel import several_effort
+from pliant_plugins.surrogates.polynomial.several_kernel import several_effort, shared
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 FORM = "several actuations"
@@ -88,7 +88,7 @@ class SeveralLaw(JointLaw):
 
     def scalar(self) -> ScalarLaw:
         """The compiled form: see `several_kernel`."""
-        return ScalarLaw(several_effort, self._packed)
+        return ScalarLaw(several_effort, self._packed, shared)
 
     @cached_property
     def _packed(self) -> Array:
