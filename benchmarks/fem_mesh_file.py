@@ -5,6 +5,7 @@
     refinement 2
 (b) the same bellow as a CAD solid (arcs, a plate, fused), meshed by Netgen: what the structured mesh leaves out
 (c) seconds of a whole design of the first CAD mesh: all states that `fem: {kind: skfem, pressure_max: 15 kPa}` asks for
+(d) the PneuNet of one material and of two 10 : 1, its hexahedra cut into six, as ratios to hexahedra of refinement 2
 
 Needs ngsolve, for Netgen. Prints the figures and writes them to benchmarks/out/fem_mesh_file.json.
 """
@@ -13,12 +14,14 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.families.published_y import solver_of
+from benchmarks.families.second_solver import cases, rubber
 from benchmarks.output import parser_of, write
 
 from pliant.interfaces.family import ActuatorFamily
@@ -34,6 +37,7 @@ from pliant_plugins.families.bellow_bending.mesh import BendingCounts
 from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
 from pliant_plugins.families.mesh_file.netgen import mesh_cad
 from pliant_plugins.fem.config import SkfemConfig
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.materials.neo_hookean import NeoHookeanConfig
 from pliant_plugins.native import torch_first
 
@@ -52,15 +56,19 @@ def bellow() -> BellowBending:
 
 def solved(family: ActuatorFamily, refinement: int = 1) -> dict[str, float]:
     """Free angle, torque held straight, slope at rest, size, and seconds of processor time a state."""
-    problem = family.problem(refinement)
+    model = solver_of(family.problem(refinement), MU, pressure_max_pa=PRESSURES_PA[-1])
+    return walked(model, PRESSURES_PA)
+
+
+def walked(model: SkfemSolver, pressures_pa: Sequence[float]) -> dict[str, float]:
+    """The same of any module, over its free branch."""
     begun = time.process_time()
-    model = solver_of(problem, MU, pressure_max_pa=PRESSURES_PA[-1])
     states = [model.rest()]
-    for pressure in PRESSURES_PA:
+    for pressure in pressures_pa:
         states.append(model.free(pressure, states[-1]))
-    straight = model.constrained(PRESSURES_PA[-1], 0.0, states[-1])
+    straight = model.constrained(pressures_pa[-1], 0.0, states[-1])
     return {
-        "cells": len(problem.mesh.cells),
+        "cells": len(model.problem.mesh.cells),
         "unknowns": model.assembler.pattern.size,
         "free_angle_rad": states[-1].angle_rad,
         "torque_n_m": straight.moment_n_m,
@@ -177,9 +185,30 @@ def row(name: str, found: dict[str, float], base: dict[str, float]) -> dict[str,
     return {"mesh": name, **found, "ratios": ratios}
 
 
+def pneunet(refinements: list[int]) -> list[dict[str, Any]]:
+    """(d): rows of both, tetrahedra of the refinements."""
+    case, rows = cases()["pneunet"], []
+    for regions in ({}, case.regions):
+        material = rubber(case.modulus).with_regions({name: rubber(mu) for name, mu in regions.items()})
+        backend = Skfem(SkfemConfig(pressure_max_pa=PRESSURES_PA[-1]))
+        base: dict[str, float] = {}
+        for refinement, tetrahedra in ((2, False), *((n, True) for n in refinements)):
+            problem = case.family.problem(refinement)
+            mesh = tetrahedral(problem.mesh) if tetrahedra else problem.mesh
+            problem = replace(problem, mesh=mesh if regions else replace(mesh, regions={}))
+            found = walked(backend.solver(problem, material), [case.actuation * n / 3 for n in (1, 2, 3)])
+            base = base or found
+            kind = f"{'tetrahedra' if tetrahedra else 'hexahedra'} of {refinement}"
+            rows.append(row(f"{1 + bool(regions)} material(s), {kind}", found, base))
+    return rows
+
+
 def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--cad", type=float, nargs="*", default=[2.0, 1.0], help="(b): largest edges in mm")
+    parser.add_argument(
+        "--pneunet", type=int, nargs="*", default=[1, 2], help="(d): refinements cut into tetrahedra"
+    )
     options = parser.parse_args()
     family = bellow()
     with tempfile.TemporaryDirectory() as name:
@@ -206,9 +235,11 @@ def main() -> None:
             f"    {design['states']:.0f} states, {design['failed']:.0f} not reached: {design['wall_s']:.1f} s by the "
             f"clock, {design['processor_s']:.1f} s of processor time, at most {SECONDS:.0f}"
         )
+        print("(d) the PneuNet, ratios to hexahedra of refinement 2 of the same materials")
+        chambers = pneunet(options.pneunet)
     worst = max(abs(r["ratios"][key] - 1) for r in rows[2:3] for key in ("torque_n_m", "free_angle_rad"))
     print(f"    tetrahedra against hexahedra of the same body: {worst:.2%}, at most {BAR:.1%}")
-    write("fem_mesh_file", {"meshes": rows, "design": design, "worst": worst})
+    write("fem_mesh_file", {"meshes": rows, "pneunet": chambers, "design": design, "worst": worst})
 
 
 if __name__ == "__main__":

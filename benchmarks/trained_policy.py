@@ -2,7 +2,7 @@
 
 python -m benchmarks.trained_policy [--quick]    prints, writes benchmarks/out/trained_policy.json and its page's table
 
-Twenty truths of two hidden effects, of the forms that judged sets have and no candidate has. Each is recorded on the
+Twenty truths of two hidden effects, of the forms that judged sets have. Each is recorded on the
 bed's bench and diagnosed; what `pliant extend` finds of every credible explanation is a model of that robot, and robots
 drawn from their posteriors are what a policy is trained in. Then two segments of such modules lead the tip along a
 circle: the truth itself does, in the bed's MuJoCo engine. The tip is read 50 ms late, with the noise of the recording.

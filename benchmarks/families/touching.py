@@ -6,7 +6,7 @@ solves the same cells (20 nodes for 27) at the same pressures and angles, face t
 mirror planes. The range of torque is what our slope there gives over the whole angle, so that its share is that of the
 angle too.
 
-    python -m benchmarks.families.touching [--module bellow] [--state 0] [--json FILE]
+    python -m benchmarks.families.touching [--module bellow] [--state 0] [--refinement 3] [--json FILE]
 
 needs ccx; contrib/pliant-calculix/src is taken as it lies.
 """
@@ -177,11 +177,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--module", choices=MODULES, action="append")
     parser.add_argument("--state", type=int, action="append", help="numbers from 0")
+    parser.add_argument("--refinement", type=int, help="of the mesh, instead of the module's own")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     report: dict[str, Any] = {}
     for name in options.module or MODULES:
         family, refinement, *moduli = MODULES[name]
+        refinement = options.refinement or refinement
         problem, material = built("family", **family).problem(refinement), rubber(*moduli)
         with_contact, without = solver(problem, material, "solve"), solver(problem, material, "end")
         pressure, held = places(with_contact, back=name == "bellow")

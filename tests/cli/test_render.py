@@ -8,22 +8,12 @@ import pytest
 
 pytest.importorskip("mujoco")
 from PIL import Image
+from tests.cli.conftest import STATED as JOINTS
 
 from pliant.errors import MissingDependencyError
 from pliant.report import films
 
-STATED = """\
-pliant: 1
-name: stated
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 8, module_length: 11 mm, module_radius: 6 mm, gravity: [0, 0, 0]}
-physics: quasistatic
-task: {kind: free_bending, pressure: 15 kPa}
-"""
+STATED = JOINTS.replace("length: 11 mm,", "length: 11 mm, module_radius: 6 mm,")
 SMALL = ("--size", "96x64")
 
 

@@ -117,7 +117,7 @@ def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_wai
     assert third.returncode == 0, err
     assert "damaged" not in err
     assert f"going on from {kept}/" in err
-    assert json.loads((tmp_path / "third" / "out.json").read_text())["n_states"] == 3 + 3 * 3 + 2
+    assert json.loads((tmp_path / "third" / "out.json").read_text())["n_states"] == 2 + 2 * 4 + 1
     assert (tmp_path / "third" / "runs" / "first-finger" / "fem.csv").is_file()
     (key,) = (p.name for p in (store / "fem").iterdir() if p.is_dir())
     assert {p.name for p in (store / "fem").iterdir()} == {key, f"{key}.lock"}

@@ -5,6 +5,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from tests.cli.conftest import STATED as JOINTS
 
 import pliant
 from pliant.errors import UserError
@@ -12,19 +13,7 @@ from pliant.notebook.study import StudyHandle
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # eight stated joints at 15 kPa without gravity (docs/conventions.md): every joint at 0.359718 rad
-STUDY = """\
-pliant: 1
-name: stated
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 8, module_length: 11 mm, gravity: [0, 0, 0]}
-physics: quasistatic
-task: {kind: free_bending, pressure: 15 kPa}
-measurements: {file: bench.csv}
-"""
+STUDY = f"{JOINTS}measurements: {{file: bench.csv}}\n"
 
 
 @pytest.fixture

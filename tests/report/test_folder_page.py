@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.conftest import STATED as STUDY
 from tests.slow import slow_among
 
 from pliant.config.loading import load_study
@@ -24,18 +25,6 @@ from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
-
-STUDY = """
-pliant: 1
-name: stated
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 8, module_length: 11 mm, gravity: [0, 0, 0]}
-task: {kind: free_bending, pressure: 15 kPa}
-"""
 
 
 def shown(run: FinishedRun) -> Page:
