@@ -55,7 +55,9 @@ def test_a_kind_of_one_actuation_refuses_several_before_a_state_is_solved(tmp_pa
     )
     (tmp_path / "study.yaml").write_text(text)
     opened = api.open_study(tmp_path / "study.yaml", store=tmp_path / "store")
-    with pytest.raises(UserError, match="'stand_in' makes laws of one actuation, .* by pressure_1_pa, pressure_2_pa: use"):
+    with pytest.raises(
+        UserError, match="'stand_in' makes laws of one actuation, .* by pressure_1_pa, pressure_2_pa: use"
+    ):
         solved_designs(opened.bench, opened.study)
 
 
