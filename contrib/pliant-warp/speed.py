@@ -39,8 +39,10 @@ def main() -> None:
     cpu_s, wanted = timed(Quasistatic(QuasistaticConfig()), cases)
     apart = max(np.abs(a.markers_m - b.markers_m).max() for a, b in zip(found, wanted, strict=True))
     reached = sum(one.converged for one in found)
+    relaxed_s, steps = sum(one.wall_s for one in found), max(one.iterations for one in found)
     print(
-        f"{len(cases)} fingers of {MODULES} modules, {device_of(config)}: {device_s:.2f} s, {reached} converged"
+        f"{len(cases)} fingers of {MODULES} modules, {device_of(config)}: {device_s:.2f} s, {reached} converged; "
+        f"{relaxed_s:.2f} s of it until they are at rest, in {steps} steps, the rest for the verdicts on the host"
     )
     print(f"compiled CPU, {os.cpu_count()} cores: {cpu_s:.2f} s; ratio {cpu_s / device_s:.2f}")
     print(f"largest distance of a marker: {1e3 * apart:.2g} mm")
