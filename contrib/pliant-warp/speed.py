@@ -19,7 +19,8 @@ from pliant_warp.config import MujocoWarpConfig
 
 from pliant.interfaces.physics import Case, PhysicsBackend
 from pliant.records.rollout import Equilibrium, Inputs
-from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law
+from pliant.registry.discovery import discover
+from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law, table_of
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -49,8 +50,10 @@ def main() -> None:
 
 
 def drawn(count: int) -> list[Case]:
-    """Fingers with pressures and pulls of their own, payloads of one in 64."""
-    rng, law = np.random.default_rng(0), softening_law()
+    """Fingers of a fitted law, which both engines have compiled, with pressures and pulls of their own each."""
+    rng, polynomial = np.random.default_rng(0), discover().get("surrogate", "polynomial")
+    surrogate = polynomial.build(polynomial.config_model()(kind="polynomial"))
+    law = surrogate.fit(table_of(softening_law())).law
     chains = [sample_chain(law, modules=MODULES, payload=0.004 * rng.random()) for _ in range(CHAINS)]
     cases = []
     for k in range(count):
