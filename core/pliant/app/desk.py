@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from pliant import __version__, api
 from pliant.app import describing, leaving, work
 from pliant.app.folder import SessionFolder, key_of
-from pliant.app.inbox import STUDIES, TABLES, checked_study
+from pliant.app.inbox import MOST_BYTES, STUDIES, TABLES, checked_study, too_large
 from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
 from pliant.app.own_files import Watch
@@ -91,6 +91,7 @@ class Desk:
                 "dropped": sorted(one.name for one in self.folder.files.iterdir() if one.name[0] != "."),
                 "folder": str(self.folder.path),
                 "said": self.said[-3:],
+                "most": {"bytes": MOST_BYTES, "sentence": str(too_large())},
                 "model": None,
             }
             if not state.study:

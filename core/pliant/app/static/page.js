@@ -293,6 +293,8 @@ async function upload(files) {
 }
 async function send(files) {
   const order = [...files].sort((a, b) => /\.ya?ml$/i.test(a.name) - /\.ya?ml$/i.test(b.name));
+  const large = order.find(file => view && file.size > view.most.bytes);  // a browser may lose the answer to what it still sends
+  if (large) throw new Error(`${large.name}: ${view.most.sentence}`);
   for (const file of order) {
     say(`reading ${file.name} …`);
     const answer = await fetch(`/api/upload?name=${encodeURIComponent(file.name)}`, {method: "POST", headers, body: file});
