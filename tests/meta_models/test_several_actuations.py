@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import MetaModel
+from pliant.pipeline.learning import design_learning
 from pliant.records.law import Domain, JointLaw
 from pliant.records.solved import SolvedDesigns
 from pliant.registry.discovery import discover
@@ -117,6 +119,13 @@ def test_a_polynomial_is_the_same_from_another_origin() -> None:
 def test_the_studys_form_is_of_one_actuation(opposed) -> None:
     with pytest.raises(UserError, match="one actuation.*pressure_1_pa, pressure_2_pa; use form 'adaptive'"):
         model("coefficients", form="study").fit(opposed[0])
+
+
+def test_designs_are_left_out_for_the_learning_curve() -> None:
+    """What `pliant fit --out` draws: more designs, smaller errors."""
+    found = design_learning(model("regression"), solved_opposed_designs((3, 3)), Silent())
+    errors = [point["all"]["rms"] for point in found["points"]]
+    assert len(errors) >= 2 and errors[-1] < errors[0]
 
 
 def test_one_state_knows_the_slopes_by_each_pressure(opposed) -> None:
