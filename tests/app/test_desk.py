@@ -152,6 +152,16 @@ def test_copying_changes_no_saved_study(desk: Desk) -> None:
     assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
 
 
+def test_saving_again_writes_over_no_other_study(desk: Desk) -> None:
+    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    first, same = Path(desk.save()["path"]), Path(desk.save()["path"])
+    before = first.read_text()
+    desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
+    second = Path(desk.save()["path"])
+    assert same == first and second.name == f"{first.stem}-2.yaml"
+    assert first.read_text() == before and "gain: 1.1" in second.read_text()
+
+
 def test_what_several_threads_ask_is_worked_out_once() -> None:
     kept, begun = AnswerCache(2), threading.Barrier(4)
     made: list[int] = []

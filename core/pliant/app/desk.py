@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -327,14 +328,17 @@ class Desk:
         self.bench.stop()
 
     def save(self, name: str = "") -> dict[str, Any]:
-        """Write the present model as a study, over one of that name; returns its path, its text and commands."""
+        """Write the present model as a study, beside others that were saved; its path, its text and commands."""
         with self._lock:
-            target = self._target(name)
-            self._write_study(target)
+            for target in self._targets(name):
+                text = self._written(target.name)
+                if not target.exists() or target.read_text(encoding="utf-8") == text:
+                    break
+            write_atomically(target, text)
             return {
                 "name": target.name,
                 "path": str(target),
-                "yaml": target.read_text(encoding="utf-8"),
+                "yaml": text,
                 "commands": leaving.commands(self._way(target)),
             }
 
@@ -405,9 +409,20 @@ class Desk:
         found = (one.name for one in self.folder.files.iterdir() if one.name[0] != ".")
         return sorted(name for name in found if Path(name).suffix.lower() in TABLES)
 
-    def _target(self, name: str) -> Path:
+    def _targets(self, name: str) -> Iterator[Path]:
+        """Files for a study of that name: none that says something else is written over."""
         stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
-        return self.folder.saved / f"{stem or 'study'}.yaml"
+        stem = stem or "study"
+        yield self.folder.saved / f"{stem}.yaml"
+        for k in itertools.count(2):
+            yield self.folder.saved / f"{stem}-{k}.yaml"
+
+    def _written(self, name: str) -> str:
+        """The present model as a study of that file name, in a folder as deep as that of saved ones."""
+        with TemporaryDirectory(dir=self.folder.path) as beside:
+            target = Path(beside) / name
+            self._write_study(target)
+            return target.read_text(encoding="utf-8")
 
     def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
         """Those of the models on the way to the present one, with the effects that each looked at."""

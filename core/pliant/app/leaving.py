@@ -41,18 +41,26 @@ class Way:
 
 
 def commands(way: Way) -> list[str]:
-    """The way on the command line, on all runs of the files; values of a hand are in the saved study alone."""
+    """The way on the command line, on all runs of the files; values of a hand are in the saved study alone.
+
+    A second run writes over the study of the first, which stands beside the saved one.
+    """
     data = [word for file in way.data for word in ("--data", str(file))]
     lines = [["pliant", "compare", str(way.study), *data]]
     if way.diagnosed:
         lines.append(["pliant", "diagnose", str(way.study), *data])
     named = [word for kind in way.kinds for word in ("--effect", kind)]
     if way.what == "fit":
-        lines.append(["pliant", "extend", str(way.study), *named, *data])
+        lines.append(["pliant", "extend", str(way.study), *named, *data, *_beside(way, "fitted")])
     elif way.what == "improve":
-        lines.append(["pliant", "improve", str(way.study), *(["--learned"] if way.learned else []), *data])
+        learned = ["--learned"] if way.learned else []
+        lines.append(["pliant", "improve", str(way.study), *learned, *data, *_beside(way, "improved")])
     lines.append(["pliant", "compare", str(way.saved)])
     return [shlex.join(line) for line in lines]
+
+
+def _beside(way: Way, word: str) -> list[str]:
+    return ["--out", str(way.saved.with_name(f"{way.saved.stem}-{word}.yaml")), "--force"]
 
 
 def notebook(way: Way, title: str) -> str:
