@@ -6,11 +6,15 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
+from pliant.config.paths import change_paths
+from pliant.config.writing import yaml_writer
+from pliant.config.yaml_file import read_yaml
 from pliant.formatting import number
 from pliant.report.comparison import comparison_document
 from pliant.report.document import Document, Drawn, Section, Table, Warned
@@ -89,6 +93,15 @@ def notebook(way: Way, title: str) -> str:
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     whole = {"cells": numbered, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
     return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def anywhere(study: Path) -> str:
+    """A saved study's text with the paths of its files in full, for a copy that lies elsewhere."""
+    tree = read_yaml(study)
+    change_paths(tree, lambda named: str((study.parent / named).resolve()))
+    stream = StringIO()
+    yaml_writer().dump(tree, stream)
+    return stream.getvalue()
 
 
 def _cell(kind: str, text: str) -> dict[str, Any]:
