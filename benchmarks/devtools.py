@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 FLAGS = ("--headless=new", "--remote-debugging-pipe", "--window-size=1500,1150")
-POLL_S, LONG_S = 0.1, 60.0
+POLL_S, LONG_S = 0.1, 300.0
 STILL = """async selector => { let was = "";
   for (;;) {
     const found = document.querySelector(selector); found.scrollIntoView({block: "center"});

@@ -9,6 +9,7 @@ whose effort and slopes are continuous.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -151,3 +152,27 @@ def product(tables: list[tuple[Array, Array, Array]], orders: dict[int, int]) ->
     for d, table in enumerate(tables[1:], start=1):
         found = found * table[orders.get(d, 0)]
     return found
+
+
+def lower_terms(exponents: Exponents) -> Exponents:
+    """(t', d) all terms that divide some of (t, d), the constant left out: what another origin makes of them."""
+    every = {low for one in exponents for low in np.ndindex(*(one + 1))} - {(0,) * exponents.shape[1]}
+    return np.array(sorted(every, key=lambda one: (sum(one), one)), np.int64)
+
+
+def shifted(coefficients: Array, exponents: Exponents, lower: Exponents, maps: Array) -> Array:
+    """(t',) coefficients of `lower_terms` in y of a polynomial in x = centre + half · y; its constant is dropped.
+
+    Args:
+        coefficients: (t,) of the terms `exponents` (t, d) in x.
+        maps: (d, 2) centre and half of each coordinate.
+    """
+    found = np.ones((len(lower), len(exponents)))
+    for d, (centre, half) in enumerate(maps):
+        top = int(exponents[:, d].max())
+        table = np.zeros((top + 1, top + 1))
+        for e in range(top + 1):
+            table[: e + 1, e] = [math.comb(e, i) * half**i * centre ** (e - i) for i in range(e + 1)]
+        found *= table[np.ix_(lower[:, d], exponents[:, d])]
+    moved: Array = found @ coefficients
+    return moved
