@@ -3,10 +3,12 @@
 import csv
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.pixels import as_needed
 
 # The same examples on every machine and no clock: a loaded machine must not fail a test.
 settings.register_profile(
@@ -30,6 +32,13 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(2000, 20, 50)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """With its fixtures, those of its module too."""
+    with as_needed(item):
+        return (yield)
 
 
 @pytest.fixture(scope="session")

@@ -25,9 +25,9 @@ from scipy.optimize import minimize_scalar
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.families.reference import FINGER
 from pliant_plugins.fem.newton import Control, FemEquilibrium
 from pliant_plugins.fem.skfem.backend import SkfemSolver
-from pliant_plugins.manifest import FINGER
 
 TABLE = REFERENCE / "bellow_bending_fem.csv"
 MU_PA = 249e3  # the free curve is solved with this one

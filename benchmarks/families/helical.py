@@ -37,7 +37,7 @@ from pliant.interfaces.fem import ModuleSolver
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
-from pliant_plugins.manifest import HELIX_MODULE
+from pliant_plugins.families.reference import HELIX_MODULE
 
 MOMENTS = (3e-3, 6e-3)
 MOST_STEPS, CLOSE = 6, 1e-4

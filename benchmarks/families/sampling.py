@@ -31,7 +31,7 @@ from pliant.pipeline.sampling.plan import sample
 from pliant.pipeline.sampling.walk import Piece
 from pliant.records.fem import COLUMNS, FemDataset, ModuleData
 from pliant.registry.discovery import Registry, discover
-from pliant_plugins.manifest import FINGER, HELIX_MODULE
+from pliant_plugins.families.reference import FINGER, HELIX_MODULE
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 

@@ -30,11 +30,11 @@ from pliant_plugins.families.bellow_bending.family import BellowBending, BellowB
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
 from pliant_plugins.families.pneunet.family import Pneunet, PneunetConfig
+from pliant_plugins.families.reference import EXTENDING, FINGER, HELIX_MODULE, PNEUNET, TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.manifest import EXTENDING, FINGER, HELIX_MODULE, PNEUNET, TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 BAR = 0.005

@@ -36,9 +36,9 @@ from pliant.records.fem import FemDataset, FemState, ModuleData
 from pliant.records.law import JointLaw
 from pliant.records.rollout import Inputs
 from pliant.registry.discovery import discover
+from pliant_plugins.families.reference import THREE_CHAMBER, TWO_CHAMBER
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.manifest import THREE_CHAMBER, TWO_CHAMBER
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial

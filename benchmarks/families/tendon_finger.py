@@ -24,8 +24,8 @@ from pliant import api
 from pliant.pipeline.study import chain_of_study
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Cord, Equilibrium, Inputs
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.manifest import TENDON_JOINT
 from pliant_plugins.tasks.tendon_finger import STUDY_LENGTH_M
 
 STUDY = ROOT / "examples/tendon_finger/finger.yaml"

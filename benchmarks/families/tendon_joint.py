@@ -35,9 +35,9 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.interfaces.fem import StateNotConvergedError
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.skfem.backend import SkfemSolver
-from pliant_plugins.manifest import TENDON_JOINT
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

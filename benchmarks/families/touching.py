@@ -27,20 +27,14 @@ import numpy as np
 from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.discovery import discover
+from pliant_plugins.families.reference import FINGER, PNEUNET
 from pliant_plugins.fem.skfem.backend import SkfemSolver
-from pliant_plugins.manifest import PNEUNET
 
 CONTRIB = Path(__file__).resolve().parents[2] / "contrib" / "pliant-calculix" / "src"
 # Family, refinement, shear modulus, shear moduli of regions.
 MODULES: dict[str, tuple[dict[str, Any], int, str, dict[str, str]]] = {
     "bellow": (
-        {
-            "kind": "bellow_bending",
-            "inner_radius": "2 mm",
-            "average_radius": "6 mm",
-            "wall": "0.8 mm",
-            "module_length": "6 mm",
-        },
+        {"kind": "bellow_bending", **FINGER, "wall": "0.8 mm", "module_length": "6 mm"},
         1,
         "240 kPa",
         {},

@@ -22,8 +22,8 @@ from scipy.optimize import minimize_scalar
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
+from pliant_plugins.families.reference import EXTENDING
 from pliant_plugins.fem.skfem.backend import SkfemSolver
-from pliant_plugins.manifest import EXTENDING
 
 PRESSURES = (2e3, 4e3, 7.5e3, 10e3, 12.5e3, 15e3)
 MODULI = (240e3, 240.5e3, 249e3)

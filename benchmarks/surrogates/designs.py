@@ -2,10 +2,11 @@
 
     python -m benchmarks.surrogates.designs --only helical --kinds regression "coefficients, study's form"
 
-Fits every installed kind to examples/designs/{bending,helical}_grid.csv and scores torque and free angle of whole
-designs: left out of the grid in eight seeded parts (inside its range and on its border apart), between the designs
+Fits every installed kind to examples/designs/{bending,helical,chambers}_grid.csv and scores torque and free angle of
+whole designs: left out of the grid in eight seeded parts (inside its range and on its border apart), between those
 of the grid (the test tables, which no fit sees), and on the designs that were fitted, as the published study scored
-its own. Writes benchmarks/out/designs_GRID.json.
+its own. Of two chambers, the law that is fitted to each test design's own states stands beside: both at the states
+that it has not seen. Writes benchmarks/out/designs_GRID.json.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from benchmarks.output import Bar, parser_of, registry, seconds_of, write
+import numpy as np
+from benchmarks.output import Bar, component, parser_of, registry, seconds_of, write
 from benchmarks.surrogates.kinds import as_json, left_out, line, scored, table
 
 FOLDS = 8
@@ -40,15 +42,37 @@ def contest(grid: str, kinds: list[str] | None) -> None:
             continue
         results[name] = _contender(name, keys, solved, test)
     bars = _bars(grid, results[MAIN]) if "scores" in results.get(MAIN, {}) else []
-    write(f"designs_{grid}", {"contenders": results, "folds": FOLDS}, bars)
+    beside = _beside_direct(solved, test) if grid == "chambers" else {}
+    write(f"designs_{grid}", {"contenders": results, "folds": FOLDS, **beside}, bars)
+
+
+def _beside_direct(solved: Any, test: Any) -> dict[str, Any]:
+    """Misses at check states of the test designs / torque range: of the meta-model, of laws fitted to each design."""
+    laws, direct = component("meta_model", MAIN).fit(solved).laws, component("surrogate", "polynomial")
+    found: dict[str, list[Any]] = {"meta_model": [], "direct": []}
+    for values, data in zip(test.values, test.data, strict=True):
+        check = data.rows(data.role == "check")
+        for name, law in (("meta_model", laws.law(values)), ("direct", direct.fit_module(data).law)):
+            tau = law.evaluate(check.actuation, check.deformation).tau
+            found[name].append(np.abs(tau - check.tau).ravel() / np.ptp(data.tau))
+    both = {name: np.concatenate(misses) for name, misses in found.items()}
+    scores = {
+        name: {"worst_of_range": float(misses.max()), "rms_of_range": float(np.sqrt(np.mean(misses**2)))}
+        for name, misses in both.items()
+    }
+    for name, score in scores.items():
+        worst, rms = (100 * value for value in score.values())
+        print(
+            f"  {name:12} at check states of {len(test)} test designs: worst {worst:.3f}, RMS {rms:.3f} % of range"
+        )
+    return {"beside_direct": scores}
 
 
 def _contender(name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[str, Any]:
-    component = registry().get("meta_model", keys["kind"])
-    if component.missing():
-        print(f"  {name:30} skipped: {component.missing()}")
-        return {"skipped": component.missing()}
-    model = registry().build("meta_model", component.config_model().model_validate(keys))
+    if missing := registry().get("meta_model", keys["kind"]).missing():
+        print(f"  {name:30} skipped: {missing}")
+        return {"skipped": missing}
+    model = component("meta_model", **keys)
     started = time.perf_counter()
     try:
         fitted = model.fit(solved)
@@ -79,15 +103,19 @@ def _bars(grid: str, result: dict[str, Any]) -> list[Bar]:
         bars.append(Bar("bending: worst torque inside the range", worst, 2.0, "% of range", True))
         median = 100 * everywhere["free_median"]
         bars.append(Bar("bending: free angle on designs left out, median", median, 1.0, "%", True))
+    if grid == "chambers":
+        for place in ("left out, all", "between the designs"):
+            worst = 100 * scores[place]["worst_of_range"]
+            bars.append(Bar(f"chambers: worst torque, {place}", worst, 0.5, "% of range", True))
     return bars
 
 
 def main() -> None:
     parser = parser_of(__doc__)
-    parser.add_argument("--only", choices=["bending", "helical"])
+    parser.add_argument("--only", choices=["bending", "helical", "chambers"])
     parser.add_argument("--kinds", nargs="*")
     asked = parser.parse_args()
-    for grid in ("bending", "helical"):
+    for grid in ("bending", "helical", "chambers"):
         if asked.only in (None, grid):
             contest(grid, asked.kinds)
 

@@ -26,7 +26,7 @@ from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
 
 TABLES = ROOT / "examples/designs"
-FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical"}
+FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical", "chambers": "two_chamber"}
 # What laws of one axis are compared: name → kind and config.
 FORMS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "polynomial, adaptive": ("polynomial", {}),

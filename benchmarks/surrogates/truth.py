@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.manifest import FINGER
+from pliant_plugins.families.reference import FINGER
 
 MU_PA = 240e3
 PRESSURE_PA = 15e3

@@ -13,7 +13,7 @@ from pliant import api
 from pliant.pipeline.sweep import write_sweep_table
 
 HERE = Path(__file__).parent
-NAMES = ("bending_grid", "bending_test", "helical_grid", "helical_test")
+NAMES = ("bending_grid", "bending_test", "chambers_grid", "chambers_test", "helical_grid", "helical_test")
 DIGITS = 9
 
 

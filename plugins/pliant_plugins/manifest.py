@@ -4,82 +4,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
+from pliant_plugins.families.reference import (
+    EXAMPLE_MESH,
+    EXTENDING,
+    FINGER,
+    HELIX_MODULE,
+    PNEUNET,
+    TENDON_JOINT,
+    THREE_CHAMBER,
+    TWO_CHAMBER,
+    WOUND_TUBE,
+)
 
 CONTRACT = 2
 HERE = "pliant_plugins"
-FINGER = {
-    "inner_radius": "2 mm",
-    "average_radius": "6 mm",
-    "wall": "1.5 mm",
-    "module_length": "11 mm",
-}
-HELIX_MODULE = {
-    "inner_radius": "3.09 mm",
-    "average_radius": "5.66 mm",
-    "wall": "1.51 mm",
-    "module_length": "4.72 mm",
-}
-EXTENDING = {
-    "inner_radius": "5 mm",
-    "average_radius": "8 mm",
-    "wall": "1.5 mm",
-    "module_length": "10 mm",
-}
-TWO_CHAMBER = {
-    "width": "20 mm",
-    "height": "20 mm",
-    "wall": "2 mm",
-    "web": "2 mm",
-    "module_length": "10 mm",
-}
-THREE_CHAMBER = {
-    "radius": "10 mm",
-    "bore": "2 mm",
-    "wall": "1.5 mm",
-    "rib": "2 mm",
-    "module_length": "10 mm",
-}
-TENDON_JOINT = {
-    "module_length": "28 mm",
-    "flexure_length": "5 mm",
-    "flexure_thickness": "1 mm",
-    "flexure_width": "20 mm",
-    "tendon_offset": "6.6 mm",
-    "tendon_setback": "11.15 mm",
-    "link_height": "18 mm",
-    "link_width": "20 mm",
-    "link_density": "1290 kg/m^3",
-    "closing_angle": "0.92 rad",
-    "opening_angle": "0.02 rad",
-}
-EXAMPLE_MESH = str(Path(__file__).parent / "families" / "mesh_file" / "box.msh")
-PNEUNET = {
-    "module_length": "10 mm",
-    "width": "15 mm",
-    "height": "14 mm",
-    "wall": "1.5 mm",
-    "shell": "2 mm",
-    "gap": "1 mm",
-    "floor": "1.5 mm",
-    "bridge": "1.5 mm",
-    "channel_width": "2 mm",
-    "channel_height": "1.5 mm",
-    "layer": "1 mm",
-}
-WOUND_TUBE = {
-    "module_length": "10 mm",
-    "radius": "6 mm",
-    "wall": "2.5 mm",
-    "sleeve": "0.5 mm",
-    "thread_angle": "86 deg",
-    "thread_spacing": "2 mm",
-    "thread_stiffness": "500 N",
-    "sheet_angle": "50 deg",
-}
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
     f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
@@ -429,34 +370,34 @@ def _optimizers() -> list[Component]:
 
 def _effects() -> list[Component]:
     summaries = {
-        "stiffness": ("Stiffness", "the joint is stiffer or softer than the model says"),
-        "actuation_gain": ("ActuationGain", "the drive acts by another factor than the model says"),
-        "pressure_offset": ("PressureOffset", "the pressure gauge is off by a constant"),
-        "dead_zone": ("DeadZone", "the lowest pressures do nothing"),
-        "supply_lag": ("SupplyLag", "the supply answers late"),
-        "viscous_damping": ("ViscousDamping", "the joint damps its own motion"),
-        "viscoelastic": ("Viscoelastic", "the material creeps and relaxes"),
-        "friction_hysteresis": ("FrictionHysteresis", "the joint rubs"),
-        "mullins": ("Mullins", "the material has softened by what it was stretched to"),
-        "permanent_set": ("PermanentSet", "the joint does not come back all the way"),
-        "gravity_scale": ("GravityScale", "the chain weighs more or less than the model says"),
-        "self_contact": ("SelfContact", "walls touch beyond an angle"),
-        "thermal_softening": ("ThermalSoftening", "the stiffness changes with the temperature"),
-        "sensor_bias": ("SensorBias", "the angle sensor is off by a constant"),
-        "wall_thickness": ("WallThickness", "the walls are thicker or thinner than the model's"),
-        "leak": ("Leak", "a closed chamber loses gas"),
-        "bimodulus": ("Bimodulus", "the joint is stiffer one way than the other"),
-        "inertia": ("Inertia", "the chain's own mass swings"),
-        "tendon_friction": ("TendonFriction", "the tendon rubs where it bends"),
-        "sensor_scale": ("SensorScale", "the angle sensor is off by a factor"),
-        "sensor_lag": ("SensorLag", "the angle is read late"),
-        "backlash": ("Backlash", "the angle sensor has play"),
-        "base_misalignment": ("BaseMisalignment", "the base is mounted tilted"),
-        "inter_module_compliance": ("InterModuleCompliance", "the connections between modules give"),
-        "cross_axis": ("CrossAxis", "the modules bend about a turned axis"),
-        "end_restraint": ("EndRestraint", "clamp and cap hold the end modules back"),
-        "link_stretch": ("LinkStretch", "pressure lengthens the chain"),
-        "learned": ("Learned", "what no listed effect explains follows a smooth curve"),
+        "stiffness": "the joint is stiffer or softer than the model says",
+        "actuation_gain": "the drive acts by another factor than the model says",
+        "pressure_offset": "the pressure gauge is off by a constant",
+        "dead_zone": "the lowest pressures do nothing",
+        "supply_lag": "the supply answers late",
+        "viscous_damping": "the joint damps its own motion",
+        "viscoelastic": "the material creeps and relaxes",
+        "friction_hysteresis": "the joint rubs",
+        "mullins": "the material has softened by what it was stretched to",
+        "permanent_set": "the joint does not come back all the way",
+        "gravity_scale": "the chain weighs more or less than the model says",
+        "self_contact": "walls touch beyond an angle",
+        "thermal_softening": "the stiffness changes with the temperature",
+        "sensor_bias": "the angle sensor is off by a constant",
+        "wall_thickness": "the walls are thicker or thinner than the model's",
+        "leak": "a closed chamber loses gas",
+        "bimodulus": "the joint is stiffer one way than the other",
+        "inertia": "the chain's own mass swings",
+        "tendon_friction": "the tendon rubs where it bends",
+        "sensor_scale": "the angle sensor is off by a factor",
+        "sensor_lag": "the angle is read late",
+        "backlash": "the angle sensor has play",
+        "base_misalignment": "the base is mounted tilted",
+        "inter_module_compliance": "the connections between modules give",
+        "cross_axis": "the modules bend about a turned axis",
+        "end_restraint": "clamp and cap hold the end modules back",
+        "link_stretch": "pressure lengthens the chain",
+        "learned": "what no listed effect explains follows a smooth curve",
     }
     # The others' examples stand with the parameters in their configs.
     curve = {
@@ -468,10 +409,15 @@ def _effects() -> list[Component]:
         Component(
             interface="effect",
             kind=kind,
-            config=f"{HERE}.effects.{kind}:{name}Config",
-            implementation=f"{HERE}.effects.{kind}:{name}",
+            config=f"{HERE}.effects.{kind}:{_class_name(kind)}Config",
+            implementation=f"{HERE}.effects.{kind}:{_class_name(kind)}",
             summary=summary,
             example=curve if kind == "learned" else {},
         )
-        for kind, (name, summary) in summaries.items()
+        for kind, summary in summaries.items()
     ]
+
+
+def _class_name(kind: str) -> str:
+    """Of an effect: dead_zone is DeadZone."""
+    return "".join(map(str.capitalize, kind.split("_")))

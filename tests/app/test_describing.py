@@ -17,6 +17,7 @@ from pliant.app.folder import SessionFolder
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
+from pliant_plugins.families.reference import FINGER
 
 from .conftest import STUDY, recording
 
@@ -50,13 +51,12 @@ def test_every_installed_family_and_material_appears_with_its_fields() -> None:
 
 
 def test_a_described_family_is_the_study_that_one_would_write(tmp_path: Path) -> None:
-    shape = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
     text = described(
         {
             "way": "family",
             "name": "../a robot!",
             "weight": False,
-            "family": {"kind": "bellow_bending", **shape},
+            "family": {"kind": "bellow_bending", **FINGER},
             "material": {"kind": "neo_hookean", "shear_modulus": "240 kPa", "density": ""},
             "fem": {"pressure_max": "15 kPa", "tendon_force_max": ""},
             "chain": {"modules": "8"},

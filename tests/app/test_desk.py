@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import threading
 import time
@@ -107,6 +108,62 @@ def test_a_run_that_is_off_counts_in_no_error(desk: Desk) -> None:
         desk.step((), [f"r{k}" for k in range(6)], "all off")
 
 
+def test_switching_runs_off_moves_no_run_between_fitted_and_put_aside(desk: Desk) -> None:
+    """Else a run that was kept from the reader would be shown, and fitted, by switching off another one."""
+    whole = {run["name"]: run["aside"] for run in desk.curves()["runs"]}
+    first = desk.view()["model"]["steps"][0]
+    for run in [name for name, aside in whole.items() if not aside][:3]:
+        desk.toggle(run, on=False)
+    off = set(desk.state.now.off)
+    assert {run["name"]: run["aside"] for run in desk.curves()["runs"]} == whole and len(off) == 3
+    steps = desk.view()["model"]["steps"]
+    assert len({(one["error"], one["aside"]) for one in steps}) == 1  # the same model, on the same runs
+    for run in off:
+        desk.toggle(run, on=True)
+    assert desk.view()["model"]["steps"][0] == first
+
+
+def test_choices_that_come_at_once_are_all_kept(desk: Desk) -> None:
+    """Two tabs, or a hand that is quicker than the page: each choice is made on the newest state."""
+    training = [run["name"] for run in desk.curves()["runs"] if not run["aside"]]
+    kinds = ["actuation_gain", "stiffness", "sensor_bias"]
+    with ThreadPoolExecutor(6) as pool:
+        asked = [pool.submit(desk.toggle, run, False) for run in training[:3]]
+        asked += [pool.submit(desk.tick, kind, True) for kind in kinds]
+        for one in asked:
+            one.result()
+    assert set(desk.state.now.off) == set(training[:3])
+    assert sorted(str(one["kind"]) for one in desk.state.now.effects) == sorted(kinds)
+    desk.tick("stiffness", on=False)
+    assert "stiffness" not in [one["kind"] for one in desk.state.now.effects]
+    with pytest.raises(UserError, match="no effect 'nonsense'"):
+        desk.tick("nonsense", on=True)
+
+
+def test_a_recording_is_added_to_what_the_study_names_and_undo_leaves_it_out(desk: Desk, bench: Path) -> None:
+    desk.tick("actuation_gain", on=True)
+    before = {run["name"]: run["aside"] for run in desk.curves()["runs"]}
+    lines = recording(seed=4).splitlines()
+    more = "\n".join([lines[0], *(f"s{line[1:]}" for line in lines[1:])]) + "\n"
+    (desk.folder.files / "more.csv").write_text(more)
+    desk.take("more.csv")
+    assert desk.said[-1] == "bench.csv and more.csv are one measurement now. Undo leaves more.csv out again."
+    after = {run["name"]: run["aside"] for run in desk.curves()["runs"]}
+    assert len(after) == 12 and {name: after[name] for name in before} == before
+    assert any(aside for name, aside in after.items() if name not in before)
+    assert [one["kind"] for one in desk.state.now.effects] == ["actuation_gain"]
+    again = Desk(SessionFolder(bench / "session"), bench / "store")
+    again.begin(bench / "bend.yaml", [])
+    assert {run["name"]: run["aside"] for run in again.curves()["runs"]} == after
+    again.go(1)
+    assert {run["name"]: run["aside"] for run in again.curves()["runs"]} == before
+    (desk.folder.files / "bad.csv").write_text("a,b\n1,2\n")
+    state = replace(again.state, version=0)
+    with pytest.raises(UserError):
+        again.take("bad.csv")
+    assert replace(again.state, version=0) == state and not (desk.folder.files / "bad.csv").exists()
+
+
 def test_an_effect_that_makes_unseen_runs_worse_is_warned_of(desk: Desk) -> None:
     """By hand, before any fit."""
     desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
@@ -138,7 +195,10 @@ def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> N
     desk.step(({"kind": "sensor_bias", "bias_rad": 1e-5},), [], "next to nothing")
     (said,) = desk.view()["model"]["warnings"]
     assert "unseen runs do not show that it is missing" in said
-    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "better, and far from enough")
+    (said,) = desk.view()["model"]["warnings"]
+    assert re.search(r"actuation_gain .* still [2-9]\.\d+ times the noise: .*'Diagnose'", said)
+    desk.step(({"kind": "actuation_gain", "gain": 1.25},), [], "right")
     assert not desk.view()["model"]["warnings"]
 
 
@@ -150,6 +210,16 @@ def test_copying_changes_no_saved_study(desk: Desk) -> None:
     assert "gain: 1.1" in desk.as_yaml()["yaml"]
     assert saved.read_text() == before
     assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
+
+
+def test_saving_again_writes_over_no_other_study(desk: Desk) -> None:
+    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    first, same = Path(desk.save()["path"]), Path(desk.save()["path"])
+    before = first.read_text()
+    desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
+    second = Path(desk.save()["path"])
+    assert same == first and second.name == f"{first.stem}-2.yaml"
+    assert first.read_text() == before and "gain: 1.1" in second.read_text()
 
 
 def test_what_several_threads_ask_is_worked_out_once() -> None:

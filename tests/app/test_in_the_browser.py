@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import random
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -35,7 +39,16 @@ pytestmark = [
 ]
 
 
-def started(folder: Path, store: Path) -> tuple[subprocess.Popen[str], str]:
+def free_port() -> int:
+    """A free port that neither a page of another test (8642 and on) nor an outgoing connection takes meanwhile."""
+    for port in random.Random(os.getpid()).sample(range(20_000, 32_000), 20):
+        with socket.socket() as tried, contextlib.suppress(OSError):
+            tried.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError("no free port")
+
+
+def started(folder: Path, store: Path, *options: str) -> tuple[subprocess.Popen[str], str]:
     """A server on a session, and its address."""
     command = [
         sys.executable,
@@ -47,6 +60,7 @@ def started(folder: Path, store: Path) -> tuple[subprocess.Popen[str], str]:
         str(folder),
         "--store",
         str(store),
+        *options,
     ]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
@@ -67,7 +81,7 @@ def browser() -> Iterator[Any]:
 def test_a_user_finds_the_hidden_effect(tmp_path: Path, browser: Any) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     session, store = tmp_path / "session", tmp_path / "store"
-    server, address = started(session, store)
+    server, address = started(session, store, "--port", str(free_port()))
     problems: list[str] = []
     try:
         page = browser.new_page(viewport={"width": 1500, "height": 1150})

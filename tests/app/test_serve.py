@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("uvicorn", reason="pip install 'pliant[app]'")
 
-from pliant.app.server import _bound
+from pliant.app.folder import SessionFolder
+from pliant.app.page_state import PageState
+from pliant.app.server import _bound, session_folder
+
+
+def test_two_studies_of_one_file_name_have_a_session_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    one, other = Path("one/finger.yaml"), Path("other/finger.yaml")
+    usual = session_folder(one, None)
+    assert usual == Path("runs/finger-app")
+    SessionFolder(usual).keep(PageState(study=str(one.resolve())))
+    assert session_folder(one, None) == usual
+    own = session_folder(other, None)
+    assert own != usual
+    SessionFolder(own).keep(PageState(study=str(other.resolve())))
+    assert (session_folder(one, None), session_folder(other, None)) == (usual, own)
 
 
 def test_small_packets_are_sent_at_once() -> None:

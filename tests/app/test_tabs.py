@@ -59,6 +59,49 @@ def test_two_tabs_show_one_session_and_a_reload_in_a_fit_loses_nothing(
     assert {file: file.stat().st_mtime_ns for file in results.glob("fit*")} == before
 
 
+def test_quick_clicks_on_runs_are_all_kept_and_pictures_show_what_is_there(
+    files: list[Path], user: PageUser
+) -> None:
+    user.drop(files)
+    page = user.page
+    names = page.evaluate("data.runs.filter(run => !run.aside).map(run => run.name)")[:3]
+    for name in names:
+        page.locator(f"#runs input[aria-label='run {name}']").click(no_wait_after=True)
+    user.until(f"view.model.off.length === {len(names)}")
+    user.settled()
+    assert set(page.evaluate("view.model.off")) == set(names)
+    boxes = page.evaluate("[...document.querySelectorAll('#runs input')].map(one => one.checked)")
+    assert boxes == page.evaluate("data.runs.map(run => !run.off)")
+    page.click("#undo")
+    user.until(f"view.model.off.length === {len(names) - 1}")
+    page.check("#seeaside")
+    user.settled()
+    for name in ("time", "residual"):  # every reading that is on lies within the axes
+        assert page.evaluate(
+            "name => { const {shown: s, view: v} = pictures[name]; return s.x.every((x, k) => "
+            "!s.on[k] || x === null || s.y[k] === null || "
+            "(x >= v.x[0] && x <= v.x[1] && s.y[k] >= v.y[0] && s.y[k] <= v.y[1])); }",
+            name,
+        ), name
+
+
+def test_a_recording_that_is_added_goes_beside_the_others(
+    tmp_path: Path, files: list[Path], user: PageUser
+) -> None:
+    user.drop(files)
+    user.tick("actuation_gain")
+    lines = recording(seed=4).splitlines()
+    more = tmp_path / "more.csv"
+    more.write_text("\n".join([lines[0], *(f"s{line[1:]}" for line in lines[1:])]) + "\n")
+    user.page.set_input_files("#files", str(more))
+    user.page.wait_for_selector("#said:has-text('are one measurement now')", timeout=LONG)
+    user.settled()
+    assert user.page.evaluate("data.runs.length") == 12
+    assert user.page.evaluate("view.model.effects[0].kind") == "actuation_gain"
+    user.page.click("#undo")
+    user.until("data.runs.length === 6")
+
+
 def test_work_that_a_kill_cut_off_is_done_after_a_restart_in_the_same_tab(
     tmp_path: Path, files: list[Path]
 ) -> None:

@@ -19,6 +19,7 @@ from pliant.calibration.calibration import calibrate
 from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
 from pliant.config.study import Study
+from pliant_plugins.families.reference import FINGER
 
 TRUTH: dict[str, dict[str, Any]] = {
     "neo_hookean": {"shear_modulus": 240e3},
@@ -141,12 +142,11 @@ def free_table(
 
 
 def module(kind: str, **keys: Any) -> Study:
-    family = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
     from calibration_tables import REGISTRY
 
     blocks = {
         name: REGISTRY.get(name, block).config_model().model_validate({"kind": block, **values})
-        for name, block, values in (("family", "bellow_bending", family), ("fem", "skfem", {}))
+        for name, block, values in (("family", "bellow_bending", FINGER), ("fem", "skfem", {}))
     }
     return Study(name="x", material=config(kind, **keys), **blocks)
 

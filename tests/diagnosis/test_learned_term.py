@@ -78,7 +78,7 @@ def test_a_hidden_function_of_pressure_is_recovered_within_its_band(of_pressure)
 
 
 def test_what_a_joint_remembers_is_learned_as_a_memory():
-    found = learned(joint(), measured(joint(), rich(), effect("viscoelastic")))
+    found = learned(joint(), measured(joint(), rich(1), effect("viscoelastic")))
     assert any(axis.has_memory for axis in found.form.axes)
     assert found.after < 0.75 * found.before
 
@@ -146,6 +146,7 @@ def test_improve_takes_it_as_its_last_step_and_scores_it_on_runs_put_aside(impro
     assert told["learned"]["rmse_over_floor"]["with"] < told["learned"]["rmse_over_floor"]["without"]
 
 
+@pytest.mark.slow
 def test_without_the_option_it_is_left_out(improved):
     _, loaded, measurement, _ = improved
     found = improve(BENCH, loaded, measurement, kinds=["sensor_bias"])

@@ -12,9 +12,9 @@ from pliant.errors import InvalidDesignError, UserError
 from pliant.records.fem import FemState, Fibres
 from pliant.testing.box import box_problem, spatial_box_problem
 from pliant_plugins.families.fibre_reinforced.family import FibreReinforced, FibreReinforcedConfig
+from pliant_plugins.families.reference import WOUND_TUBE
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.manifest import WOUND_TUBE
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU_PA, KAPPA_PA = 300e3, 2e6

@@ -11,9 +11,9 @@ from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import area_vector, cell_volumes
 from pliant.records.fem import FemState
 from pliant_plugins.families.pneunet.family import Pneunet, PneunetConfig
+from pliant_plugins.families.reference import PNEUNET
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.manifest import PNEUNET
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU_PA, PRESSURE_PA = 200e3, 8e3

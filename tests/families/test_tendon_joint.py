@@ -8,6 +8,7 @@ import pytest
 from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import area_vector, enclosed_volume
 from pliant.records.shape import TriangleMesh
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import (
     JointGeometry,
     TendonJoint,
@@ -15,7 +16,6 @@ from pliant_plugins.families.tendon_joint.family import (
     link_mesh,
     link_surface,
 )
-from pliant_plugins.manifest import TENDON_JOINT
 
 ANGLES = (-0.6, -1e-5, 0.0, 3e-5, 0.2, 0.9, 1.6)
 

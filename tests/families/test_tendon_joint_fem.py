@@ -11,8 +11,8 @@ from scipy.optimize import root
 from tests.families.solvers import rubber, solver_of
 
 from pliant.interfaces.fem import ModuleSolver
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.manifest import TENDON_JOINT
 
 MU, NU = 70e6, 0.49
 E = 2 * MU * (1 + NU)

@@ -10,8 +10,8 @@ import pytest
 from tests.families.solvers import rubber, solver_of
 
 from pliant.interfaces.fem import ModuleSolver
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.manifest import TENDON_JOINT
 
 TABLE = Path(__file__).parents[3] / "shared/data/reference/tendon_joint_fem.csv"
 # benchmarks/families/tendon_joint.py: fitted on the free branch up to 7.5 N

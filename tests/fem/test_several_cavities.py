@@ -8,9 +8,9 @@ import pytest
 from pliant.errors import UserError
 from pliant.pipeline.sampling.strategies import SeveralPlan
 from pliant.registry.discovery import discover
+from pliant_plugins.families.reference import THREE_CHAMBER, TWO_CHAMBER
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.manifest import THREE_CHAMBER, TWO_CHAMBER
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 KINDS = {"two_chamber": TWO_CHAMBER, "three_chamber": THREE_CHAMBER}

@@ -13,12 +13,12 @@ from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 from pliant.testing.box import tetrahedral
+from pliant_plugins.families.reference import TENDON_JOINT
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.contact import DEEPEST
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.stops import edges
-from pliant_plugins.manifest import TENDON_JOINT
 
 SWAPPED = np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel()  # of a cell that is mirrored along x
 FACE_SWAPPED = np.arange(9).reshape(3, 3).T.ravel()

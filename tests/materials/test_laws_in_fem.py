@@ -8,9 +8,9 @@ import pytest
 
 from pliant.records.fem import FemState
 from pliant.registry.discovery import discover
+from pliant_plugins.families.reference import FINGER
 
 REGISTRY = discover()
-LENGTHS = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
 
 
 def made(interface: str, kind: str, **keys: Any) -> Any:
@@ -19,7 +19,7 @@ def made(interface: str, kind: str, **keys: Any) -> Any:
 
 
 def bent(kind: str, **keys: Any) -> FemState:
-    problem = made("family", "bellow_bending", **LENGTHS).problem()
+    problem = made("family", "bellow_bending", **FINGER).problem()
     solver = made("fem", "skfem", pressure_max="15 kPa").solver(problem, made("material", kind, **keys))
     state: FemState = solver.free(2e3, solver.rest())
     return state

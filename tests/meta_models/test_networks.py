@@ -103,7 +103,7 @@ def test_what_is_trained_is_what_is_evaluated(mirror: tuple[float, ...]) -> None
         for number, place in enumerate(places)
     ]
     tau, gain, slope = (np.concatenate(part) for part in zip(*found, strict=True))
-    states = ScaledStates(places, design, points, tau, gain[:, :, 0], slope)
+    states = ScaledStates(places, design, points, tau, gain, slope)
     names = ("inner", "inner_bias", "outer", "outer_bias", "ridges")
     leaves = {name: torch.tensor(getattr(family, name)) for name in names}
     values, slopes = _RidgeMisfit(torch, states, family.mirror)(leaves)

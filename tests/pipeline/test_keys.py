@@ -18,17 +18,12 @@ from pliant.registry.discovery import discover
 from pliant.report.folder import finished
 from pliant.report.run import run_document, stored_run_page
 from pliant.store.store import ArtifactStore
+from pliant_plugins.families.reference import FINGER
 
 REGISTRY = discover()
 STUDY = {
     "name": "keys",
-    "family": {
-        "kind": "bellow_bending",
-        "inner_radius": "2 mm",
-        "average_radius": "6 mm",
-        "wall": "1.5 mm",
-        "module_length": "11 mm",
-    },
+    "family": {"kind": "bellow_bending", **FINGER},
     "material": {"kind": "neo_hookean", "shear_modulus": "240 kPa"},
     "surrogate": {"kind": "polynomial", "data": "law.csv"},
     "chain": {"segments": [{"modules": 1}, {"modules": 2, "family": {"wall": "1.4 mm"}}]},

@@ -45,16 +45,19 @@ def test_doubles_that_agree_count_once_and_doubles_that_contradict_are_refused()
         assembled("sample", constants, [*data, other], labels, "here")
 
 
-def test_modules_of_several_pressures_are_refused_before_a_state_is_solved(tmp_path):
+def test_a_kind_of_one_actuation_refuses_several_before_a_state_is_solved(tmp_path):
     text = (
-        "pliant: 1\nname: two\nmaterial: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"
+        f"pliant: 1\nname: two\nplugins: ['{bench.META_PLUGIN}']\n"
+        "material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"
         "family: {kind: two_chamber, height: 12 mm, width: 12 mm, wall: 1.5 mm, web: 2 mm, module_length: 10 mm}\n"
-        "fem: {kind: skfem, pressure_max: 15 kPa}\nmeta_model: {kind: neural}\n"
+        "fem: {kind: skfem, pressure_max: 15 kPa}\nmeta_model: {kind: stand_in}\n"
         "sweep: {family.wall: [1.2 mm, 1.4 mm, 1.6 mm, 1.8 mm, 2 mm, 2.2 mm]}\n"
     )
     (tmp_path / "study.yaml").write_text(text)
     opened = api.open_study(tmp_path / "study.yaml", store=tmp_path / "store")
-    with pytest.raises(UserError, match="'two_chamber' is driven by pressure_1_pa, pressure_2_pa"):
+    with pytest.raises(
+        UserError, match="'stand_in' makes laws of one actuation, .* by pressure_1_pa, pressure_2_pa: use"
+    ):
         solved_designs(opened.bench, opened.study)
 
 

@@ -20,17 +20,12 @@ from pliant.pipeline.study import simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
+from pliant_plugins.families.reference import FINGER
 
 REGISTRY = discover()
 EXAMPLE = Path(__file__).parents[2] / "examples" / "on_an_arm"
-FINGER = {
-    "family": {
-        "kind": "bellow_bending",
-        "inner_radius": "2 mm",
-        "average_radius": "6 mm",
-        "wall": "1.5 mm",
-        "module_length": "11 mm",
-    },
+STUDY = {
+    "family": {"kind": "bellow_bending", **FINGER},
     "material": {"kind": "neo_hookean", "shear_modulus": "240 kPa"},
     "fem": {"kind": "skfem", "pressure_max": "15 kPa"},
     "task": {"kind": "free_bending", "pressure": "2 kPa"},
@@ -91,7 +86,7 @@ def test_an_engine_that_cannot_is_refused_before_fem(folder, monkeypatch, change
         pytest.importorskip("pybullet")
     monkeypatch.setattr(stages, "laws_of_study", lambda *_: pytest.fail("FEM had begun"))
     (folder / "fem.yaml").write_text(
-        json.dumps({"pliant": 1, "name": "f", **FINGER, "chain": {"modules": 3, **MOUNT}, **changes})
+        json.dumps({"pliant": 1, "name": "f", **STUDY, "chain": {"modules": 3, **MOUNT}, **changes})
     )
     with pytest.raises(UserError, match=word):
         run(folder, study="fem.yaml")

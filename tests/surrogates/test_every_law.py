@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -32,31 +34,42 @@ from pliant_plugins.surrogates.neural.surrogate import Neural
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.table.surrogate import TableSurrogate
 
-STABLE: dict[str, JointLaw] = {
-    "wavy": WAVY,
-    "even": replace(WAVY, odd=0.0),
-    "stated": STATED["stated"],
-    "table": TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
-    "table of two inputs": TableSurrogate(TableConfig()).fit_module(opposed_table()).law,
-    **{f"energy {k}": energy_law(k) for k in AXES},
-    **{f"network {k}": network_law(k) for k in AXES},
-    "network of two inputs": network_law(1, m=2),
-    "network of three inputs": network_law(3, m=3),
+# Laws by name, made when a test asks for them.
+STABLE: dict[str, Callable[[], JointLaw]] = {
+    "wavy": lambda: WAVY,
+    "even": lambda: replace(WAVY, odd=0.0),
+    "stated": lambda: STATED["stated"],
+    "table": lambda: TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    "table of two inputs": lambda: TableSurrogate(TableConfig()).fit_module(opposed_table()).law,
+    **{f"energy {k}": partial(energy_law, k) for k in AXES},
+    **{f"network {k}": partial(network_law, k) for k in AXES},
+    "network of two inputs": partial(network_law, 1, m=2),
+    "network of three inputs": partial(network_law, 3, m=3),
 }
-LAWS: dict[str, JointLaw] = {
+LAWS: dict[str, Callable[[], JointLaw]] = {
     **STABLE,
-    **STATED,
-    "unstable": replace(WAVY, coefficients=-WAVY.coefficients),
-    "three stated axes": spatial(),
-    "three axes with a box": with_a_box(),
+    **{name: partial(STATED.__getitem__, name) for name in STATED},
+    "unstable": lambda: replace(WAVY, coefficients=-WAVY.coefficients),
+    "three stated axes": spatial,
+    "three axes with a box": with_a_box,
 }
 LOADERS = {
     "polynomial": Polynomial(PolynomialConfig()),
     "table": TableSurrogate(TableConfig()),
     "neural": Neural(NeuralConfig()),
 }
-every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-stable_law = pytest.mark.parametrize("law", STABLE.values(), ids=STABLE)
+every_law = pytest.mark.parametrize("law", LAWS, indirect=True)
+stable_law = pytest.mark.parametrize("law", STABLE, indirect=True)
+
+
+@cache
+def made(name: str) -> JointLaw:
+    return LAWS[name]()
+
+
+@pytest.fixture
+def law(request: pytest.FixtureRequest) -> JointLaw:
+    return made(request.param)
 
 
 @every_law
@@ -167,5 +180,5 @@ def test_a_record_of_another_kind_is_refused(kind: str) -> None:
 
 
 def test_laws_of_one_form_share_their_function() -> None:
-    functions = {law.scalar().function for name, law in LAWS.items() if law.record().kind == "polynomial"}  # type: ignore[union-attr]
+    functions = {law.scalar().function for law in map(made, LAWS) if law.record().kind == "polynomial"}  # type: ignore[union-attr]
     assert len(functions) == 2  # of polynomials and of energies

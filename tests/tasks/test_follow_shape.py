@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.segments import chain_length_m
+from pliant_plugins.families.reference import FINGER
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.follow_shape import FollowShape, FollowShapeConfig, TargetConfig
 from pliant_plugins.tasks.ramp import FreeBending, FreeBendingConfig
@@ -91,14 +92,13 @@ def test_the_base_rolls_under_a_target_that_follows_its_direction(tmp_path) -> N
 
 
 def test_the_length_of_a_chain_needs_no_law(tmp_path: Path) -> None:
-    lengths = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
     segments = [
         {"rigid": {"length": "6.5 mm"}},
         {"modules": 4},
         {"modules": 2, "family": {"module_length": "9 mm"}},
         {"rigid": {"module_lengths": 1, "length": "3 mm", "section": "module"}},
     ]
-    study = opened(tmp_path, family={"kind": "bellow_bending", **lengths}, chain={"segments": segments})
+    study = opened(tmp_path, family={"kind": "bellow_bending", **FINGER}, chain={"segments": segments})
     assert chain_length_m(study.bench, study.study) == pytest.approx(0.0065 + 0.044 + 0.018 + 0.012)
 
 

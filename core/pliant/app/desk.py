@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +16,7 @@ from pydantic import ValidationError
 from pliant import __version__, api
 from pliant.app import describing, leaving, work
 from pliant.app.folder import SessionFolder, key_of
-from pliant.app.inbox import STUDIES, TABLES, checked_study
+from pliant.app.inbox import MOST_BYTES, STUDIES, TABLES, checked_study, too_large
 from pliant.app.jobs import Bench, Job
 from pliant.app.open_model import OpenModel
 from pliant.app.own_files import Watch
@@ -27,6 +28,7 @@ from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import interpret
 from pliant.formatting import displayed_in, listed, unit_of
+from pliant.measurements.files import sources_of
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.study import chain_of_study
 from pliant.registry.discovery import discover
@@ -46,7 +48,7 @@ class Desk:
         self.state: PageState = folder.state()
         self.bench = Bench()
         self.said: list[str] = []
-        self._model: tuple[Any, OpenModel] | None = None
+        self._models: dict[tuple[str, tuple[str, ...]], OpenModel] = {}
         self._catalogue: list[dict[str, Any]] | None = None
         self._watch = Watch()
         self._lock = threading.RLock()
@@ -55,11 +57,12 @@ class Desk:
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open what the command names, or go on where the session was; work that was cut off is taken up."""
         with self._lock:
+            begun = self.state.steps[0].data if self.state.steps else self.state.data
             wanted = str(study.resolve()) if study is not None else self.state.study
             files = tuple(str(file.resolve()) for file in data) or (
                 () if study is not None and wanted != self.state.study else self.state.data
             )
-            if (wanted, files) != (self.state.study, self.state.data):
+            if wanted != self.state.study or files not in (self.state.data, begun):
                 self._keep(PageState(wanted, files, version=self.state.version))
             if self.state.study:
                 self._opened()
@@ -77,7 +80,8 @@ class Desk:
         if changed := self._watch.changed():
             self._reload([file.name for file in changed])
         job = self.bench.job
-        return {"version": self.state.version, "job": None if job is None else job.as_json()}
+        study = Path(self.state.study).name
+        return {"version": self.state.version, "study": study, "job": None if job is None else job.as_json()}
 
     def view(self) -> dict[str, Any]:
         """Everything but the curves."""
@@ -91,6 +95,7 @@ class Desk:
                 "dropped": sorted(one.name for one in self.folder.files.iterdir() if one.name[0] != "."),
                 "folder": str(self.folder.path),
                 "said": self.said[-3:],
+                "most": {"bytes": MOST_BYTES, "sentence": str(too_large())},
                 "model": None,
             }
             if not state.study:
@@ -190,10 +195,38 @@ class Desk:
                     path.unlink(missing_ok=True)
                     raise
                 self._keep(PageState(str(path), self.state.data, version=self.state.version))
+            elif self.state.steps:
+                self._add(path)
+                return
             else:
                 dropped = tuple(dict.fromkeys((*self.state.data, str(path))))
                 self._keep(PageState(self.state.study, dropped, version=self.state.version))
-            self._model = None
+            self._models.clear()
+
+    def _add(self, path: Path) -> None:
+        """A recording goes beside those of the open study; one of the same name is replaced. Undo leaves it out.
+
+        Raises:
+            UserError: work is under way, or they cannot be one measurement; then nothing has changed.
+        """
+        if self.bench.job is not None:
+            raise UserError("work is under way; stop it or wait, then add the file again.")
+        before, notes = self.state, self._now().study.measurements
+        named = before.data or (sources_of(notes.file) if notes is not None else ())
+        data = (*(str(one) for one in named if Path(one).name != path.name), str(path))
+        step = PageStep(f"added {path.name}", before.now.effects, before.now.off, "", data)
+        self._models.clear()
+        self._keep(before.with_step(step))
+        try:
+            self._opened()
+        except PliantError:
+            self._keep(replace(before, version=self.state.version))
+            if str(path) not in before.data:
+                path.unlink(missing_ok=True)
+            raise
+        if len(data) > 1:
+            names = listed([Path(one).name for one in data])
+            self.said.append(f"{names} are one measurement now. Undo leaves {path.name} out again.")
 
     def form(self) -> dict[str, Any]:
         """The form that describes a robot, with the tables that were dropped."""
@@ -247,7 +280,7 @@ class Desk:
         with self._lock:
             kept = tuple(one for one in self.state.data if Path(one).name != name)
             self._keep(PageState(self.state.study, kept, version=self.state.version))
-            self._model = None
+            self._models.clear()
 
     def step(self, effects: Effects, off: Sequence[str], words: str) -> None:
         """Go on with another model; raises `UserError` for effects that cannot be."""
@@ -260,11 +293,30 @@ class Desk:
             plain = tuple(one.canonical() for one in made)
             result = self.state.now.result if plain == self.state.now.effects else ""
             named = tuple(run.name for run in model.measurement.runs if run.name in set(off))
-            if len(named) == len(model.measurement.runs):
-                raise UserError("one run at least must stay on.")
+            aside = {model.measurement.runs[k].name for k in model.without(()).split.runs}
+            if all(run.name in aside or run.name in named for run in model.measurement.runs):
+                raise UserError("one run at least must stay on that is not put aside.")
             changed = named != self.state.now.off
-            step = PageStep(words[:120] or "by hand", plain, named, "" if changed else result)
+            step = PageStep(
+                words[:120] or "by hand", plain, named, "" if changed else result, self.state.data
+            )
             self._keep(self.state.with_step(step))
+
+    def toggle(self, run: str, on: bool) -> None:
+        """Switch a run on or off, whatever else was chosen meanwhile."""
+        with self._lock:
+            off = [one for one in self.state.now.off if one != run]
+            self.step(self.state.now.effects, off if on else [*off, run], f"{run} {'on' if on else 'off'}")
+
+    def tick(self, kind: str, on: bool) -> None:
+        """Add an effect as it begins, or take it out, whatever else was chosen meanwhile."""
+        with self._lock:
+            begun = [one["begun"] for one in self._listed(self._now()) if one["kind"] == kind]
+            kept = [one for one in self.state.now.effects if one["kind"] != kind]
+            if on and not begun:
+                raise UserError(f"there is no effect '{kind}' here.")
+            words = f"ticked {kind}" if on else f"took {kind} out"
+            self.step(as_effects([*kept, *begun] if on else kept), self.state.now.off, words)
 
     def go(self, cursor: int) -> None:
         """Undo and redo: look at another step."""
@@ -308,32 +360,35 @@ class Desk:
             depends, does = ways[what]
             key = key_of(what, model.key, depends)
             if (known := self.folder.result(key)) is not None:
-                self._take_result(what, key, known)
+                self._take_result(what, key, known, now)
                 return
-            task_effects, units = now.effects, units_as_written(model.measurement)
+            units = units_as_written(model.measurement)
 
             def go(job: Job) -> None:
-                task = work.ModelWork(model, task_effects, job.tick, job.stop.is_set)
+                task = work.ModelWork(model, now.effects, job.tick, job.stop.is_set)
                 with displayed_in(units):
                     found = does(task, key)
                 self.folder.keep_result(key, found)
 
             self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
-            self.bench.begin(Job(what, key), go, self._ended)
+            self.bench.begin(Job(what, key), go, lambda job, said: self._ended(job, said, now))
 
     def stop(self) -> None:
         """Stop the work that runs."""
         self.bench.stop()
 
     def save(self, name: str = "") -> dict[str, Any]:
-        """Write the present model as a study, over one of that name; returns its path, its text and commands."""
+        """Write the present model as a study, beside others that were saved; its path, its text and commands."""
         with self._lock:
-            target = self._target(name)
-            self._write_study(target)
+            for target in self._targets(name):
+                text = self._written(target.name)
+                if not target.exists() or target.read_text(encoding="utf-8") == text:
+                    break
+            write_atomically(target, text)
             return {
                 "name": target.name,
                 "path": str(target),
-                "yaml": target.read_text(encoding="utf-8"),
+                "yaml": text,
                 "commands": leaving.commands(self._way(target)),
             }
 
@@ -370,7 +425,7 @@ class Desk:
         with self._lock, TemporaryDirectory(dir=self.folder.path) as beside:
             target = Path(beside) / f"{name_of_file(self._now().path)}+page.yaml"
             self._write_study(target)
-            return {"yaml": target.read_text(encoding="utf-8")}
+            return {"yaml": leaving.anywhere(target)}
 
     def report(self) -> str:
         """`pliant compare`'s page of the present model on the training runs."""
@@ -387,16 +442,22 @@ class Desk:
 
     def _opened(self) -> OpenModel:
         """The model of the state's files; opened once."""
-        key = (self.state.study, self.state.data)
-        if self._model is None or self._model[0] != key:
-            model = OpenModel.open(Path(self.state.study), [Path(one) for one in self.state.data], self.store)
-            self._model, self._catalogue = (key, model), None
-            self._watch = Watch(model.study.plugins)
-            if not self.state.steps:
-                first = PageStep(AS_IT_IS, as_effects(model.own_effects))
-                self._keep(replace(self.state, steps=(first,), cursor=0))
-        held = self._model[1].without(self.state.now.off)
-        self._model = (key, held)
+        way = list(
+            dict.fromkeys([*(one.data for one in self.state.steps[: self.state.cursor]), self.state.data])
+        )
+        earlier = None
+        for data in way[: way.index(self.state.data) + 1]:
+            if (self.state.study, data) not in self._models:
+                files = [Path(one) for one in data]
+                earlier = OpenModel.open(Path(self.state.study), files, self.store, earlier)
+                self._models[self.state.study, data], self._catalogue = earlier, None
+                self._watch = Watch(earlier.study.plugins)
+            earlier = self._models[self.state.study, data]
+        assert earlier is not None
+        if not self.state.steps:
+            first = PageStep(AS_IT_IS, as_effects(earlier.own_effects), data=self.state.data)
+            self._keep(replace(self.state, steps=(first,), cursor=0))
+        held = self._models[self.state.study, self.state.data] = earlier.without(self.state.now.off)
         return held
 
     def _tables(self) -> list[str]:
@@ -404,9 +465,20 @@ class Desk:
         found = (one.name for one in self.folder.files.iterdir() if one.name[0] != ".")
         return sorted(name for name in found if Path(name).suffix.lower() in TABLES)
 
-    def _target(self, name: str) -> Path:
+    def _targets(self, name: str) -> Iterator[Path]:
+        """Files for a study of that name: none that says something else is written over."""
         stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
-        return self.folder.saved / f"{stem or 'study'}.yaml"
+        stem = stem or "study"
+        yield self.folder.saved / f"{stem}.yaml"
+        for k in itertools.count(2):
+            yield self.folder.saved / f"{stem}-{k}.yaml"
+
+    def _written(self, name: str) -> str:
+        """The present model as a study of that file name, in a folder as deep as that of saved ones."""
+        with TemporaryDirectory(dir=self.folder.path) as beside:
+            target = Path(beside) / name
+            self._write_study(target)
+            return target.read_text(encoding="utf-8")
 
     def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
         """Those of the models on the way to the present one, with the effects that each looked at."""
@@ -439,7 +511,7 @@ class Desk:
     def _reload(self, files: Sequence[str]) -> None:
         """A file of the study's own effects says something else: read it anew, as the command line would."""
         with self._lock:
-            self._model = None
+            self._models.clear()
             self._keep(self.state)
             self.said.append(f"{listed(files)} changed and is read anew.")
             try:
@@ -462,25 +534,28 @@ class Desk:
             return self._now(), self.state.now
 
     def _shown(self, model: OpenModel) -> dict[str, Any]:
+        return shown(model, self.state, self.folder, self._listed(model))
+
+    def _listed(self, model: OpenModel) -> list[dict[str, Any]]:
         if self._catalogue is None:
             self._catalogue = catalogue(model)
-        return shown(model, self.state, self.folder, self._catalogue)
+        return self._catalogue
 
-    def _ended(self, job: Job, said: str) -> None:
+    def _ended(self, job: Job, said: str, began: PageStep) -> None:
         with self._lock:
             if said:
                 self.said.append(said)
             self._keep(replace(self.state, pending=None))
             if not said and (found := self.folder.result(job.key)) is not None:
-                self._take_result(job.what, job.key, found)
+                self._take_result(job.what, job.key, found, began)
 
-    def _take_result(self, what: str, key: str, found: Mapping[str, Any]) -> None:
+    def _take_result(self, what: str, key: str, found: Mapping[str, Any], began: PageStep) -> None:
         """A fit or an improvement becomes the present model; a diagnosis stands beside it."""
         if what == "diagnose":
             self._keep(self.state)
             return
         words = {"fit": f"fitted {listed(found['kinds'])}", "improve": "improved"}[what]
-        step = PageStep(words, as_effects(found["effects"]), self.state.now.off, key)
+        step = PageStep(words, as_effects(found["effects"]), began.off, key, began.data)
         if what == "improve" and not found["kinds"]:
             self.said.append(str(found["sentence"]))
         self._keep(self.state.with_step(step))

@@ -6,11 +6,15 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
+from pliant.config.paths import change_paths
+from pliant.config.writing import yaml_writer
+from pliant.config.yaml_file import read_yaml
 from pliant.formatting import number
 from pliant.report.comparison import comparison_document
 from pliant.report.document import Document, Drawn, Section, Table, Warned
@@ -41,18 +45,26 @@ class Way:
 
 
 def commands(way: Way) -> list[str]:
-    """The way on the command line, on all runs of the files; values of a hand are in the saved study alone."""
+    """The way on the command line, on all runs of the files; values of a hand are in the saved study alone.
+
+    A second run writes over the study of the first, which stands beside the saved one.
+    """
     data = [word for file in way.data for word in ("--data", str(file))]
     lines = [["pliant", "compare", str(way.study), *data]]
     if way.diagnosed:
         lines.append(["pliant", "diagnose", str(way.study), *data])
     named = [word for kind in way.kinds for word in ("--effect", kind)]
     if way.what == "fit":
-        lines.append(["pliant", "extend", str(way.study), *named, *data])
+        lines.append(["pliant", "extend", str(way.study), *named, *data, *_beside(way, "fitted")])
     elif way.what == "improve":
-        lines.append(["pliant", "improve", str(way.study), *(["--learned"] if way.learned else []), *data])
+        learned = ["--learned"] if way.learned else []
+        lines.append(["pliant", "improve", str(way.study), *learned, *data, *_beside(way, "improved")])
     lines.append(["pliant", "compare", str(way.saved)])
     return [shlex.join(line) for line in lines]
+
+
+def _beside(way: Way, word: str) -> list[str]:
+    return ["--out", str(way.saved.with_name(f"{way.saved.stem}-{word}.yaml")), "--force"]
 
 
 def notebook(way: Way, title: str) -> str:
@@ -81,6 +93,15 @@ def notebook(way: Way, title: str) -> str:
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     whole = {"cells": numbered, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
     return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def anywhere(study: Path) -> str:
+    """A saved study's text with the paths of its files in full, for a copy that lies elsewhere."""
+    tree = read_yaml(study)
+    change_paths(tree, lambda named: str((study.parent / named).resolve()))
+    stream = StringIO()
+    yaml_writer().dump(tree, stream)
+    return stream.getvalue()
 
 
 def _cell(kind: str, text: str) -> dict[str, Any]:

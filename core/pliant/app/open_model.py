@@ -21,7 +21,7 @@ from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground
 from pliant.diagnosis.fitting import Score, score
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.test_split import TrainTestSplit, lock, lock_more
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Prediction, Predictor, RunReadings, measurement_of_study
@@ -114,6 +114,7 @@ class OpenModel:
         measurement: all runs that were read, without readings after unknown states.
         off: runs whose readings are switched off.
         unknown: what the readings after unknown states are, in sentences.
+        earlier: what was open before runs were added; what it put aside stays aside.
     """
 
     path: Path
@@ -123,11 +124,12 @@ class OpenModel:
     measurement: Measurement
     off: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
+    earlier: OpenModel | None = None
     _predicted: AnswerCache = field(default_factory=lambda: AnswerCache())
     _noise: AnswerCache = field(default_factory=lambda: AnswerCache())
 
     @staticmethod
-    def open(path: Path, data: Sequence[Path], store: Path) -> OpenModel:
+    def open(path: Path, data: Sequence[Path], store: Path, earlier: OpenModel | None = None) -> OpenModel:
         """Read the study and its recordings.
 
         Raises:
@@ -136,7 +138,7 @@ class OpenModel:
         opened = api.open_study(path, store=store)
         measurement = measurement_of_study(opened.bench, opened.study, tuple(data) or None)
         known, unknown = with_known_states(measurement)
-        return OpenModel(path, opened.study, opened.bench, tuple(data), known, (), unknown)
+        return OpenModel(path, opened.study, opened.bench, tuple(data), known, (), unknown, earlier)
 
     def without(self, off: Sequence[str]) -> OpenModel:
         """The same with the readings of these runs switched off; specimens still live through them."""
@@ -160,8 +162,10 @@ class OpenModel:
 
     @cached_property
     def split(self) -> TrainTestSplit:
-        """Which runs are put aside, by `pliant improve`'s own rule."""
-        return lock(self.read)
+        """Which runs are put aside, by `pliant improve`'s rule on all runs: switching some off moves none."""
+        if self.earlier is None:
+            return lock(self.measurement).of(self.read)
+        return lock_more(self.measurement, self.earlier.without(()).split).of(self.read)
 
     @cached_property
     def ground(self) -> Ground:

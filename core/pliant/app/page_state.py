@@ -20,12 +20,14 @@ class PageStep:
         effects: all effects of the model in their order, as SI values by field, `kind` first.
         off: runs whose readings are switched off.
         result: key of the fit or of the improvement that its values come from; empty where a hand set them.
+        data: recordings that it looks at instead of those that the study names.
     """
 
     words: str
     effects: Effects
     off: tuple[str, ...] = ()
     result: str = ""
+    data: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class PageState:
 
     Attributes:
         study: path of the study; empty where none was chosen.
-        data: paths of recordings instead of those that the study names.
+        data: paths of recordings instead of those that the study names; the present step's.
         steps: every model, the study as it is first; empty before a study is open.
         cursor: the step that is looked at; those behind it were undone.
         pending: work that was asked for and has not ended, so that a restart takes it up.
@@ -56,16 +58,19 @@ class PageState:
     def with_step(self, step: PageStep) -> PageState:
         """The step added behind the present one; what was undone is gone. The same model again is no step."""
         now = self.now
-        if self.steps and (step.effects, step.off, step.result) == (now.effects, now.off, now.result):
+        if self.steps and replace(step, words=now.words) == now:
             return self
         kept = (*self.steps[: self.cursor + 1], step)
         if len(kept) > MOST_STEPS:
             kept = (kept[0], *kept[-MOST_STEPS + 1 :])
-        return replace(self, steps=kept, cursor=len(kept) - 1)
+        return replace(self, steps=kept, cursor=len(kept) - 1, data=step.data)
 
     def at(self, cursor: int) -> PageState:
         """Looking at another step."""
-        return replace(self, cursor=min(max(cursor, 0), max(len(self.steps) - 1, 0)))
+        if not self.steps:
+            return self
+        at = min(max(cursor, 0), len(self.steps) - 1)
+        return replace(self, cursor=at, data=self.steps[at].data)
 
     def changed(self) -> PageState:
         """The next version."""
@@ -79,7 +84,13 @@ class PageState:
     def from_json(values: Mapping[str, Any]) -> PageState:
         """What `as_json` gave, read again."""
         steps = tuple(
-            PageStep(one["words"], as_effects(one["effects"]), tuple(one["off"]), one["result"])
+            PageStep(
+                one["words"],
+                as_effects(one["effects"]),
+                tuple(one["off"]),
+                one["result"],
+                tuple(one.get("data", values["data"])),
+            )
             for one in values["steps"]
         )
         return PageState(

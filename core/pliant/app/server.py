@@ -8,6 +8,7 @@ browser tells an `Origin`, comes from the page itself.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import json
 import secrets
 import socket
@@ -30,7 +31,9 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from pliant.app import leaving
 from pliant.app.desk import Desk
+from pliant.app.folder import SessionFolder
 from pliant.app.inbox import receive, safe_name
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import as_effects
@@ -144,6 +147,8 @@ def application(desk: Desk, token: str) -> Starlette:
         "step": lambda v: desk.step(
             as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
         ),
+        "toggle": lambda v: desk.toggle(str(v["run"]), bool(v["on"])),
+        "tick": lambda v: desk.tick(str(v["kind"]), bool(v["on"])),
         "go": lambda v: desk.go(int(v["cursor"])),
         "run": lambda v: desk.run(
             str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
@@ -169,7 +174,13 @@ def application(desk: Desk, token: str) -> Starlette:
         return _file(desk.folder.results, str(request.path_params["name"]))
 
     async def saved(request: Request) -> Response:
-        return _file(desk.folder.saved, str(request.path_params["name"]))
+        name = str(request.path_params["name"])
+        found = _file(desk.folder.saved, name)
+        if isinstance(found, FileResponse) and name.endswith(".yaml"):  # it will lie elsewhere
+            text = leaving.anywhere(desk.folder.saved / name)
+            named = {"Content-Disposition": found.headers["content-disposition"]}
+            return Response(text, media_type=found.media_type, headers=named)
+        return found
 
     async def report(request: Request) -> Response:
         try:
@@ -328,7 +339,14 @@ def _bound(port: int, exact: bool) -> socket.socket:
 
 
 def session_folder(study: Path | None, out: Path | None) -> Path:
-    """The folder of a session: that of the option, else one beside the reports of the study's commands."""
+    """The folder of a session: that of the option, else one beside the reports of the study's commands.
+
+    Where another study of the same file name has that one, a folder of this study's own.
+    """
     if out is not None:
         return out
-    return Path("runs") / f"{study.stem if study is not None else 'pliant'}-app"
+    usual = Path("runs") / f"{study.stem if study is not None else 'pliant'}-app"
+    if study is None or SessionFolder(usual).state().study in ("", str(study.resolve())):
+        return usual
+    mark = hashlib.sha256(str(study.resolve()).encode()).hexdigest()[:6]
+    return usual.with_name(f"{study.stem}-{mark}-app")

@@ -17,7 +17,7 @@ from pliant.app import work
 from pliant.app.folder import SessionFolder, key_of
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import PageState, PageStep
-from pliant.app.unseen_runs import doubts_by_hand
+from pliant.app.unseen_runs import doubts_by_hand, doubts_undiagnosed
 from pliant.diagnosis.noise import NoiseView
 from pliant.errors import PliantError
 from pliant.evidence.covariates import Covariate, covariates
@@ -42,6 +42,7 @@ def shown(
     predicted = model.predicted(now.effects)
     noise = model.noise(predicted)
     diagnosis = folder.result(key_of("diagnose", model.key, now.effects))
+    earlier = None if diagnosis else _last_diagnosis(model, state, folder)
     of_study = folder.result(key_of("diagnose", model.key, model.own_effects))
     result = folder.result(now.result) if now.result else None
     own = {effect.kind for effect in model.study.effects}
@@ -50,6 +51,8 @@ def shown(
     warnings += work.doubts_of(added, of_study) if of_study else []
     if result is None:
         warnings += doubts_by_hand(model, now.effects, added, noise)
+    if not warnings and not of_study:
+        warnings += doubts_undiagnosed(model, now.effects, added, noise)
     return {
         "name": model.study.name,
         "source": model.measurement.source,
@@ -73,18 +76,29 @@ def shown(
         "fit": result,
         "warnings": warnings,
         "diagnosis": diagnosis,
+        "earlier": earlier,
         "judged": noise.judged,
     }
 
 
+def _last_diagnosis(model: OpenModel, state: PageState, folder: SessionFolder) -> dict[str, Any] | None:
+    """That of the last step on the way that has one, and which step it is, from 0."""
+    for k in range(state.cursor - 1, -1, -1):
+        step = state.steps[k]
+        if step.data == state.data and (
+            found := folder.result(key_of("diagnose", model.without(step.off).key, step.effects))
+        ):
+            return {"step": k, "words": step.words, "found": found}
+    return None
+
+
 def _score(model: OpenModel, step: PageStep, noise: NoiseView) -> dict[str, Any]:
-    """Errors of a step over the present floor; with other runs switched off they are of its own runs."""
-    held = model.without(step.off)
+    """Errors of a step over the present floor on the present runs, so that steps can be compared."""
     try:
         predicted = model.predicted(step.effects)
     except PliantError:
         return {"error": None, "aside": None}
-    errors = held.errors(predicted, noise)
+    errors = model.errors(predicted, noise)
     return {"error": errors.fitted, "aside": errors.aside}
 
 

@@ -140,6 +140,8 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
             for kinds, p in list(found.judgement.probability.items())[:8]
         ],
         "next": next_words(found),
+        "next_name": found.next_run.name if found.next_run is not None and protocol else "",
+        "next_run": _next_run(found) if protocol else "",
         "protocol": protocol,
         "classes": [
             {"kinds": list(one.kinds), "run": one.run, "words": one.words, "minutes": one.minutes}
@@ -147,6 +149,12 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
         ],
         "report": _report(folder, key, document),
     }
+
+
+def _next_run(found: Diagnosis) -> str:
+    """The run whose file is kept, in words, whatever the verdict says of it."""
+    run = found.next_run
+    return "" if run is None else f"The run '{run.name}' ({run.minutes:.2g} min): {run.run}; {run.why}."
 
 
 def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = False) -> dict[str, Any]:
@@ -157,7 +165,9 @@ def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = Fa
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
     who = study.who_works(None, 1)
-    found = improve_with(model.bench, study, model.read, learned=learned, tick=task.tick, workers=who)
+    found = improve_with(
+        model.bench, study, model.read, learned=learned, tick=task.tick, workers=who, split=model.split
+    )
     file = ""
     if found.final is not None or found.learned is not None:
         file = _study_name(model, ["improved"], key)

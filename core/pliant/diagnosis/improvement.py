@@ -31,7 +31,7 @@ from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Cause, Improvement, Step, StepProposal, named_step, predicting_step
-from pliant.diagnosis.test_split import lock
+from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.unseen import block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.comparison import compare, interpret
@@ -92,6 +92,7 @@ def improve(
     named_only: bool = False,
     tick: Tick | None = None,
     workers: Workers = 1,
+    split: TrainTestSplit | None = None,
 ) -> Improvement:
     """Walk the whole loop.
 
@@ -103,11 +104,12 @@ def improve(
         named_only: add nothing whose cause no verdict names.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: who fits hypotheses, as for `diagnose`.
+        split: which runs are put aside, where that was decided before; by `lock` otherwise.
 
     Raises:
         UserError: no reading can be used, or an engine that cannot follow histories.
     """
-    walk = _Walk(bench, study, measurement, kinds, tick, workers)
+    walk = _Walk(bench, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
     if learned:
@@ -126,9 +128,11 @@ class _Walk:
         kinds: Sequence[str] | None,
         tick: Tick | None,
         workers: Workers,
+        split: TrainTestSplit | None,
     ) -> None:
         measurement, self.unknown = with_known_states(measurement)
-        self.bench, self.study, self.measurement, self.locked = bench, study, measurement, lock(measurement)
+        self.bench, self.study, self.measurement = bench, study, measurement
+        self.locked = lock(measurement) if split is None else split
         self.kinds, self.tick, self.workers = kinds, tick, workers
         self.ground = Ground.of(bench, study, self.locked.training)
         self.effects = study.effects

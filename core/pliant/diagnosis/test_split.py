@@ -42,6 +42,16 @@ class TrainTestSplit:
     training: Measurement
     why: str
 
+    def of(self, measurement: Measurement) -> TrainTestSplit:
+        """The same parts of the same runs where readings are gone: what has none counts in no part."""
+        there = [k for k, run in enumerate(measurement.runs) if _is_read(run)]
+        return replace(
+            self,
+            runs=tuple(k for k in self.runs if k in there),
+            unseen=tuple(k for k in self.unseen if k in there),
+            training=_hidden(measurement, self.runs),
+        )
+
 
 def lock(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
     """Put about `share` of the runs aside. Only inputs decide, never readings; the same runs give the same parts.
@@ -79,6 +89,22 @@ def lock(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
     unseen = tuple(sorted(k for c in gone for k in conditions[c]))
     return TrainTestSplit(
         hidden, unseen, _hidden(measurement, hidden), _why(measurement, hidden, unseen, len(read))
+    )
+
+
+def lock_more(measurement: Measurement, earlier: TrainTestSplit) -> TrainTestSplit:
+    """What was put aside stays aside, what was seen stays seen; of runs that came since, `lock`'s share."""
+    number = {run.name: k for k, run in enumerate(measurement.runs)}
+    before = [run.name for run in earlier.training.runs]
+    since = lock(_hidden(measurement, [number[name] for name in before if name in number]))
+
+    def both(old: Sequence[int], new: Sequence[int]) -> tuple[int, ...]:
+        return tuple(sorted({number[before[k]] for k in old if before[k] in number} | set(new)))
+
+    hidden, unseen = both(earlier.runs, since.runs), both(earlier.unseen, since.unseen)
+    count = sum(map(_is_read, measurement.runs))
+    return TrainTestSplit(
+        hidden, unseen, _hidden(measurement, hidden), _why(measurement, hidden, unseen, count)
     )
 
 

@@ -67,8 +67,8 @@ class FemConfig(ComponentConfig):
         default=60,
         ge=8,
         le=512,
-        description="adaptive: at most so many states to fit on the main axis; with several actuations in all, "
-        "those without a load apart",
+        description="adaptive: at most so many states to fit on the main axis; of a module of several actuations, "
+        "at most so many held states to fit in all",
     )
     pressures: int = Field(default=6, ge=2, le=64, description="grid: pressure levels, 0 included")
     angles: int = Field(default=7, ge=3, le=64, description="grid: angles at each pressure level")

@@ -6,13 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.law import JointLaw, LawRecord
 from pliant.records.solved import Parameter, SolvedDesigns
@@ -87,12 +88,26 @@ class FittedMetaModel:
 
 
 class MetaModel(Configured[MetaModelConfig]):
-    """A way to make laws of unseen designs. Scores, error bars and tables are the pipeline's, alike for all kinds."""
+    """A way to make laws of unseen designs. Scores, error bars and tables are the pipeline's, alike for all kinds.
+
+    Attributes:
+        several_actuations: whether it makes laws of several actuations; designs of them are refused otherwise.
+    """
+
+    several_actuations: ClassVar[bool] = False
 
     @property
     def fewest(self) -> int:
         """The fewest designs that can be fitted, for d + 1 of them a plane."""
         return 4
+
+    def check_actuations(self, actuation_name: str) -> None:
+        """Raise `UserError` for several actuations where the kind makes laws of one."""
+        if len(names_of(actuation_name)) > 1 and not self.several_actuations:
+            raise UserError(
+                f"meta_model '{self.config.kind}' makes laws of one actuation, and this family is driven by "
+                f"{actuation_name}: use meta_model.kind 'regression' or 'neural'."
+            )
 
     @abstractmethod
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:

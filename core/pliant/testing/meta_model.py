@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.meta_model import DesignLaws
+from pliant.interfaces.meta_model import DesignLaws, MetaModel
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT
 from pliant.records.law import JointLaw
@@ -30,8 +30,10 @@ from pliant.testing.solved_samples import (
     RANGE,
     free_angles,
     grid,
+    opposed_sample_law,
     sample_law,
     solved_designs,
+    solved_opposed_designs,
     solved_spherical_designs,
     spherical_sample_law,
     unseen_designs,
@@ -78,10 +80,12 @@ def _few(subject: Subject) -> SolvedDesigns:
 
 def _points(law: JointLaw, count: int = 40) -> tuple[Array, Array]:
     """Points inside the sampled pressures and the law's own box."""
-    random = np.random.default_rng(11)
+    random, m = np.random.default_rng(11), len(law.actuations)
     low, high = law.domain.deformation.T
     require(np.all(np.isfinite([low, high])), f"the law's range of u is {low} to {high}: not a box")
-    return PRESSURE_PA * random.random(count), low + (high - low) * random.random((count, len(low)))
+    return PRESSURE_PA * random.random(count if m == 1 else (count, m)), low + (high - low) * random.random(
+        (count, len(low))
+    )
 
 
 def _each_law(subject: Subject) -> list[JointLaw]:
@@ -117,6 +121,31 @@ def predicts_designs_left_out(subject: Subject) -> None:
 def predicts_three_axes(subject: Subject) -> None:
     """the same on three axes, from whole states; or `UserError` says that the kind has one axis."""
     _require_predicts(_spherical(subject), spherical_sample_law)
+
+
+def carries_several_actuations(subject: Subject) -> None:
+    """a kind that says so gives laws of two pressures: right to 3 %, stable, exact slopes, an energy, a record."""
+    model: MetaModel = subject.build()
+    if not model.several_actuations:
+        raise CheckSkipped(f"{subject.component.label} makes laws of one actuation")
+    designs = solved_opposed_designs()
+    laws = model.fit(designs).laws
+    law, wanted = laws.law(MIDDLE), designs.data[0].actuation_name
+    require(
+        law.actuation_name == wanted, f"the law's actuations are {law.actuation_name}, the data's {wanted}"
+    )
+    _require_predicts(laws, opposed_sample_law)
+    again = model.load(stored(laws.record()))
+    for values in unseen_designs(2):
+        law = laws.law(values)
+        p, u = _points(law)
+        softest = float(-law.evaluate(p, u).dtau_du.max())
+        require(softest > 0, f"the stiffness of an unseen design falls to {softest:.3g} N·m/rad in its box")
+        require_exact_slopes(law, p, u, rtol=1e-3)
+        require_potential(law, p, u, rtol=1e-3)
+        require_joints_apart(law, p, u)
+        require_finite_outside(law)
+        require_same_bits(law, again.law(values), p, u)
 
 
 def laws_are_of_the_joint(subject: Subject) -> None:

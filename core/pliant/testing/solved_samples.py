@@ -12,11 +12,12 @@ from itertools import product
 
 import numpy as np
 
+from pliant.records.actuation import Levels
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
 from pliant.records.law import Domain, JointLaw
 from pliant.records.solved import SolvedDesigns
-from pliant.testing.samples import EnergyLaw, energy_law
+from pliant.testing.samples import EnergyLaw, OpposedLaw, energy_law
 
 FAMILY = "sample"
 NAMES = ("average_radius_m", "wall_m")
@@ -57,6 +58,18 @@ def spherical_sample_law(values: Array) -> EnergyLaw:
     bending = _bending_range(energy_law(alone))
     box = np.stack([lateral, bending, lateral])
     return energy_law(terms, Domain(np.array([0.0, PRESSURE_PA]), box))
+
+
+def opposed_sample_law(values: Array) -> OpposedLaw:
+    """The true law of one axis under two pressures, with its box: ± 1.2 times what one of them alone does.
+
+    τ = g (p₁ − p₂) − (K + c (p₁ + p₂)) u − q u³ with g ∝ R³, K ∝ t², c ∝ R t, q ∝ t/R.
+    """
+    r, t = float(values[0] / 7.5e-3), float(values[1] / 1.5e-3)
+    inputs = np.tile([0.0, PRESSURE_PA], (2, 1))
+    law = OpposedLaw(Domain(inputs, np.zeros((1, 2))), 1.6e-6 * r**3, 0.03 * t**2, 4e-7 * r * t, 0.02 * t / r)
+    most = 1.2 * free_angles(law, np.array([[PRESSURE_PA, 0.0]]))[0, 0]
+    return replace(law, domain=Domain(inputs, np.array([[-most, most]])))
 
 
 def _bending_range(law: JointLaw) -> Array:
@@ -102,13 +115,18 @@ def solved_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
     return _solved(grid(counts), sample_law, _states_of_one_axis)
 
 
+def solved_opposed_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
+    """Designs with one axis under two pressures: 31 states of role "fit" and 8 of role "check" each."""
+    return _solved(grid(counts), opposed_sample_law, _states_of_two_inputs)
+
+
 def solved_spherical_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
     """Designs with three axes: about 50 states of role "fit" and 10 of role "check" each."""
     return _solved(grid(counts), spherical_sample_law, _states_of_three_axes)
 
 
-# What a state holds, which axis it explores, its branch and role; pressure and angles as shares of their ranges.
-_Plan = tuple[float, dict[str, float], str, str, str]
+# What a state holds, which axis it explores, its branch and role; pressures and angles as shares of their ranges.
+_Plan = tuple[Levels, dict[str, float], str, str, str]
 
 
 def _states_of_one_axis() -> list[_Plan]:
@@ -120,6 +138,20 @@ def _states_of_one_axis() -> list[_Plan]:
         (float(s), {"y": float(v)}, "y", "constrained", "check") for s, v in random.random((5, 2))
     ]
     return [*free, *fitted, *check]
+
+
+def _states_of_two_inputs() -> list[_Plan]:
+    random = np.random.default_rng(9)
+    free: list[_Plan] = [
+        (s, {}, "y", "free", "fit") for s in ((0, 0), (0.5, 0), (1, 0), (0, 0.5), (0, 1), (1, 1))
+    ]
+    corners = product((0.0, 1.0), repeat=3)
+    inside = random.random((25, 3))
+    held: list[_Plan] = [
+        ((a, b), {"y": float(v)}, "y", "constrained", "check" if number < 8 else "fit")
+        for number, (a, b, v) in enumerate([*inside[:8], *corners, *inside[8:]])
+    ]
+    return [*free, *held]
 
 
 def _states_of_three_axes() -> list[_Plan]:
@@ -149,7 +181,7 @@ def _data(values: Array, law: JointLaw, plan: list[_Plan]) -> ModuleData:
     u = held(law, p, low + shares * (high - low))
     effort = law.evaluate(p, u)
     n = len(p)
-    energy = law.potential(np.zeros(n), u)
+    energy = law.potential(law.unactuated(n), u)
     return ModuleData(
         design=Design(FAMILY, {**FIXED, **dict(zip(NAMES, map(float, values), strict=True))}),
         joint=law.joint,
@@ -162,7 +194,7 @@ def _data(values: Array, law: JointLaw, plan: list[_Plan]) -> ModuleData:
         dtau_dp=effort.dtau_dp,
         dtau_du=effort.dtau_du,
         energy_j=energy,
-        travel=np.full(n, np.nan),
+        travel=np.full_like(p, np.nan),
         iterations=np.full(n, 4),
         wall_s=np.full(n, 0.3),
         explored=np.array(explored),

@@ -30,7 +30,11 @@ from pliant_plugins.physics.pybullet.urdf import (
 
 
 def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
-    """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`."""
+    """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`.
+
+    Raises:
+        UserError: joints that turn and extend, which URDF does not have.
+    """
     if chain.laws[0].joint == "extensible":
         raise UserError(
             "URDF has no joint that turns and extends; write the robot as MJCF (a ball and a slide in each body), or "

@@ -28,13 +28,18 @@ MARGIN = 0.02
 def study_targets(designs: SolvedDesigns) -> Array:
     """(n, 4) k_n, m_a, b, m_e of each design, by least squares of the efforts (not by differences of energies).
 
-    Raises `UserError` for a joint of several axes and for a design whose states do not determine them.
+    Raises `UserError` for several axes or actuations and for a design whose states do not determine them.
     """
     first = designs.data[0]
     if len(first.axes) > 1:
         raise UserError(
             f"form 'study' is the law of one axis, and the joint of these designs has {len(first.axes)} "
             f"({', '.join(first.axes)}); use form 'adaptive'."
+        )
+    if len(first.actuations) > 1:
+        raise UserError(
+            f"form 'study' is the law of one actuation, and these designs are driven by {first.actuation_name}; use "
+            "form 'adaptive'."
         )
     found = []
     for data in designs.data:
@@ -123,6 +128,7 @@ HIDDEN = (64, 64, 32)
 class Coefficients(MetaModel):
     """Networks 64-64-32 (Yao, Howard, Maiolino, doi 10.1002/aisy.70406); torch trains them, numpy evaluates."""
 
+    several_actuations = True
     config: CoefficientsConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:

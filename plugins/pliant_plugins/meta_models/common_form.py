@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from pliant.interfaces.meta_model import DesignLaws
+from pliant.records.actuation import Levels
 from pliant.records.design import Array
 from pliant.records.law import Domain, JointKind, JointLaw, LawRecord
 from pliant.records.solved import Parameter
@@ -17,6 +19,7 @@ from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
+from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw, lower_terms, shifted
 
 ARRAYS = ("centre", "directions", "reference", "solved", "extent", "margin", "spread")
 PREFIX = "form_"
@@ -28,6 +31,8 @@ TREND_PARTS = ("coefficients", "weights", "widths", "places")
 class CommonForm:
     """Π(p, u; design) = E(s) Σ_t c_t x^{e_t0} Π_k v_k^{e_tk} with x = p / p_max and v_k = u_k / u_k(s).
 
+    Of m > 1 actuations each has its x_j = a_j / a_j,max, and its exponent.
+
     The reaches u_k(s) and the energy E(s) are power laws of the design's parameters s, or near them, so that the
     coefficients vary little; they are c = centre + directions · z with the design's targets z (q,) in the order of
     their size: a principal-component basis of the fitted coefficients, scaled so that |Δz| is the root mean square of
@@ -36,12 +41,12 @@ class CommonForm:
     Attributes:
         parameters: the map to scaled parameters.
         sizes: logarithms of reaches and energy over s.
-        exponents: (m, 1 + k); centre: (m,); directions: (m, q).
+        exponents: (t, m + k); centre: (t,); directions: (t, q).
         reference: (n, q) stable targets of the solved designs, at `solved` (n, d).
         edges: low and high v of the trusted states by axis, over s; extent: (k, 2) of all.
         margin: (k,) scaled stiffness at rest.
         spread: (q,) deviation of the targets over the solved designs.
-        actuation: lowest and highest of the data.
+        actuation: (2,) lowest and highest of the data; (m, 2) of several.
         details: what there is to tell of the fit; not recorded.
     """
 
@@ -56,7 +61,7 @@ class CommonForm:
     extent: Array
     margin: Array
     spread: Array
-    actuation: tuple[float, float]
+    actuation: Array
     axes: tuple[str, ...]
     main: int
     joint: JointKind
@@ -65,8 +70,7 @@ class CommonForm:
     _grid: StabilityGrid = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        scale = self.largest_actuation
-        box = np.vstack([np.array(self.actuation) / scale, self.extent])
+        box = np.vstack([self.scaled_actuation, self.extent])
         grid = StabilityGrid.of(self.exponents, box, self.main, self.margin)
         object.__setattr__(self, "_grid", grid.transformed(np.column_stack([self.centre, self.directions])))
 
@@ -76,9 +80,18 @@ class CommonForm:
         return tuple(f"component_{i + 1}" for i in range(self.directions.shape[1]))
 
     @property
-    def largest_actuation(self) -> float:
-        """p_max, the scale of the actuation."""
-        return max(abs(value) for value in self.actuation)
+    def largest_actuation(self) -> Levels:
+        """p_max, the scale of the actuation; (m,) of several."""
+        return np.abs(self.actuation).max(axis=-1)
+
+    @property
+    def scaled_actuation(self) -> Array:
+        """`actuation` in its scale."""
+        return np.asarray((self.actuation.T / self.largest_actuation).T)
+
+    @cached_property
+    def _lower(self) -> Exponents:
+        return lower_terms(self.exponents)
 
     def sizes_at(self, places: Array) -> Array:
         """(m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
@@ -100,7 +113,7 @@ class CommonForm:
     def domain(self, values: Array) -> Domain:
         """The box of a design (d,): where designs like it have trusted states."""
         place = self.parameters(values[None])
-        return Domain(np.array(self.actuation), self._box(place) * self.sizes_at(place)[0, :-1, None])
+        return Domain(self.actuation, self._box(place) * self.sizes_at(place)[0, :-1, None])
 
     def law(self, values: Array, targets: Array) -> JointLaw:
         """The law of a design (d,) with targets (q,): stable, on the box that designs like it have."""
@@ -109,9 +122,14 @@ class CommonForm:
         lifted = self._stable(place[0], np.asarray(targets, float), box)
         coefficients = sizes[-1] * (self.centre + self.directions @ lifted)
         reach = sizes[:-1]
-        domain = Domain(np.array(self.actuation), box * reach[:, None])
-        x_map, u_map = np.array([0.0, self.largest_actuation]), np.column_stack([np.zeros(len(reach)), reach])
+        domain = Domain(self.actuation, box * reach[:, None])
         common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
+        if np.ndim(self.actuation) > 1:
+            maps = np.column_stack([domain.box.mean(axis=1), np.ptp(domain.box, axis=1) / 2])
+            scale = np.concatenate([self.largest_actuation, reach])
+            moved = shifted(coefficients, self.exponents, self._lower, maps / scale[:, None])
+            return SeveralLaw(self._lower, moved, maps, domain, **common)  # type: ignore[arg-type]
+        x_map, u_map = np.array([0.0, self.largest_actuation]), np.column_stack([np.zeros(len(reach)), reach])
         if len(self.axes) > 1:
             basis = EnergyBasis(self.exponents, x_map, u_map)
             return EnergyPolynomialLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
@@ -146,7 +164,7 @@ class CommonForm:
     def record(self) -> tuple[dict[str, Any], dict[str, Array]]:
         """Values and arrays from which `of_record` makes the same form; arrays' names led by `form_`."""
         values = {
-            "actuation": list(self.actuation),
+            "actuation": self.actuation.tolist(),
             "axes": list(self.axes),
             "main": self.main,
             "joint": self.joint,
@@ -177,7 +195,7 @@ class CommonForm:
                 read("low"), read("high"), np.asarray(arrays[PREFIX + "logarithmic"], bool)
             ),
             "exponents": np.asarray(arrays[PREFIX + "exponents"], np.int64),
-            "actuation": (float(values["actuation"][0]), float(values["actuation"][1])),
+            "actuation": np.asarray(values["actuation"], float),
             "axes": tuple(values["axes"]),
             "main": int(values["main"]),
             "joint": values["joint"],

@@ -139,8 +139,8 @@ def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
     places = parameters(designs.values)
     sizes = Trends.fit(places, np.log(sizes_of(designs)))
     seen = np.concatenate([data.actuation[fitted(data)] for data in designs.data])
-    actuation = float(seen.min()), float(seen.max())
-    scale = max(abs(value) for value in actuation)
+    actuation = np.stack([seen.min(axis=0), seen.max(axis=0)], axis=-1)
+    scale = np.abs(actuation).max(axis=-1)
     own = np.exp(sizes(places))
     weights, ranges = _weights(designs, own)
     even = is_even(designs.data, ranges)
@@ -152,20 +152,20 @@ def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
         ]
 
     extent, boxes = _boxes(designs, own)
-    box = np.vstack([np.array(actuation) / scale, extent])
+    box = np.vstack([(actuation.T / scale).T, extent])
 
     def held(exponents: Exponents) -> Array:
         return _held_stiffness(exponents, box, main, weights)
 
     h = monomials(places, degree_for(*places.shape))
-    sets = term_sets(len(first.axes), main, even)
-    exponents, errors = chosen_terms(sets, of_terms, h, held)
+    sets = term_sets(len(first.axes), main, even, len(first.actuations))
+    exponents, errors = chosen_terms(sets, of_terms, h, held, alike=len(first.actuations) > 1)
     blocks = of_terms(exponents)
     lift = orthonormal(blocks)
     raised = [one.lifted(lift) for one in blocks]
     kept = lift.T @ held(exponents) @ lift
     population = fit_population(raised, h, held=kept)
-    margin = _rest_stiffness(population, lift, exponents)
+    margin = _rest_stiffness(population, lift, exponents, len(first.axes))
     grid = StabilityGrid.of(exponents, box, main, margin).transformed(lift)
     coefficients = _all_stable(population, raised, grid, boxes, kept)
     centre, directions = _principal(coefficients)
@@ -244,10 +244,10 @@ def _held_stiffness(exponents: Exponents, box: Array, main: int, weights: Array)
     """(m, m) belief that stiffnesses in the box are of the efforts' own size, within `STIFFNESS` times.
 
     Corners where several axes are far out have no states; without it, polynomials of several axes are anything there.
-    One axis has states all over its box, and needs none.
+    One axis under one actuation has states all over its box, and needs none.
     """
     m, k = len(exponents), len(weights)
-    if k == 1:
+    if exponents.shape[1] == 2:
         return np.zeros((m, m))
     slopes = StabilityGrid.of(exponents, box, main, np.ones(k)).slopes
     weighed = slopes * np.sqrt(weights[:, None] * weights)[:, :, None] / STIFFNESS
@@ -255,11 +255,11 @@ def _held_stiffness(exponents: Exponents, box: Array, main: int, weights: Array)
     return CORNERS**k / len(slopes) * rows.T @ rows
 
 
-def _rest_stiffness(population: Population, lift: Array, exponents: Exponents) -> Array:
+def _rest_stiffness(population: Population, lift: Array, exponents: Exponents, k: int) -> Array:
     """(k,) median over the designs of −∂τ/∂u at rest, scaled; positive."""
-    k = exponents.shape[1] - 1
-    rest = scaled_basis(exponents)
-    rows = [rest.derivative(np.zeros(1), np.zeros((1, k)), unit(k, 1 + i, 1 + i))[0] for i in range(k)]
+    m = exponents.shape[1] - k
+    rest, at = scaled_basis(exponents), (np.zeros((1, m)), np.zeros((1, k)))
+    rows = [rest.derivative(*at, unit(m + k, m + i, m + i))[0] for i in range(k)]
     found = np.median(population.coefficients @ lift.T @ np.array(rows).T, axis=0)
     return np.asarray(np.where(found > 0, found, np.abs(found) + 1e-12), float)
 
@@ -304,15 +304,19 @@ def chosen_terms(
     of_terms: Callable[[Exponents], list[Equations]],
     h: Array,
     held: Callable[[Exponents], Array],
+    alike: bool = False,
 ) -> tuple[Exponents, list[float]]:
     """The chosen exponents, and the error of each set that was tried.
 
     Of every design a seeded quarter of the states is left out; the error is the root mean square of what the fit of
     all designs to the other states misses of their efforts, as a share of the effort's mean size.
+
+    `alike`: states of all designs lie at the same places of their boxes, as a sweep under several actuations samples
+    them; then the same ones are left out of all, so that no design tells what another lacks there.
     """
     errors: list[float] = []
     for exponents in sets:
-        errors.append(_error(of_terms(exponents), h, held(exponents)))
+        errors.append(_error(of_terms(exponents), h, held(exponents), alike))
         if errors[-1] < ENOUGH:
             break
         if len(errors) > 2 and min(errors[-2:]) > HOPELESS * min(errors):
@@ -322,11 +326,12 @@ def chosen_terms(
     return sets[first], errors
 
 
-def _error(blocks: list[Equations], h: Array, held: Array) -> float:
+def _error(blocks: list[Equations], h: Array, held: Array, alike: bool) -> float:
     random = np.random.default_rng(SEED)
     kept, left = [], []
     for one in blocks:
         n = int(one.state.max()) + 1
+        random = np.random.default_rng(SEED) if alike else random
         out = np.zeros(n, bool)
         out[random.permutation(n)[: int(LEFT_OUT * n)]] = True
         kept.append(one.of_states(~out))

@@ -133,8 +133,8 @@ def sizes_of(designs: SolvedDesigns) -> Array:
 
     Side axes count as far as they were turned in any state, trusted or not: their range is the study's choice.
 
-    The main axis counts by its free angle at the highest actuation where that state is trusted; one that is not
-    is left to the states that are. So the sizes are rough, which matters little: they are scales.
+    Under one actuation the main axis counts by its free angle at the highest where that state is trusted; one that
+    is not is left to the states that are. So the sizes are rough, which matters little: they are scales.
     """
     return np.array([_sizes(data) for data in designs.data])
 
@@ -159,10 +159,11 @@ def _sizes(data: ModuleData) -> list[float]:
     main = data.axes.index(data.main_axis)
     low, high = turned(data)
     reach = np.maximum(np.maximum(-low, high), FLOOR)
-    highest = data.actuation[data.role == "fit"].max(initial=0.0)
-    full = good & (data.branch == "free") & (data.actuation >= 0.999 * highest)
-    if full.any():
-        reach[main] = np.abs(data.deformation[full, main]).max()
+    if len(data.actuations) == 1:
+        highest = data.actuation[data.role == "fit"].max(initial=0.0)
+        full = good & (data.branch == "free") & (data.actuation >= 0.999 * highest)
+        if full.any():
+            reach[main] = np.abs(data.deformation[full, main]).max()
     efforts = np.abs(data.tau[good, main])
     # The median of what is no free branch: a stop, where efforts are many times larger, does not count.
     loaded = efforts > 1e-6 * efforts.max(initial=0.0)

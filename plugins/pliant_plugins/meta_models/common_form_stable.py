@@ -16,6 +16,9 @@ from pliant_plugins.surrogates.polynomial.energy import Exponents, unit
 # Levels of the actuation, of the main axis and of a side axis, which is symmetric or nearly so.
 LEVELS = (5, 25, 5)
 ONE_AXIS_LEVELS = (9, 41)
+# Of several actuations: levels of each, and of each axis; the first that make no more points than this.
+SEVERAL_LEVELS = ((9, 41), (5, 41), (5, 15), (5, 9), (3, 7), (3, 5), (3, 3))
+MOST_POINTS = 4000
 # Every joint keeps at least this share of its family's typical stiffness at rest.
 MARGIN = 0.02
 CUTS = 25
@@ -28,7 +31,7 @@ class StabilityGrid:
     """Scaled slopes ∂τ/∂u as linear functions of coefficients, at points of a box.
 
     Attributes:
-        points: (g, 1 + k) scaled actuation and deformations.
+        points: (g, m + k) scaled actuations and deformations.
         slopes: (g, k, k, m) slopes of each term.
         margin: (k,) stiffness that must remain.
     """
@@ -47,18 +50,17 @@ class StabilityGrid:
 
     @staticmethod
     def of(exponents: Exponents, box: Array, main: int, margin: Array) -> StabilityGrid:
-        """A grid of the scaled box (1 + k, 2)."""
-        k = len(box) - 1
-        counts = (
-            ONE_AXIS_LEVELS if k == 1 else (LEVELS[0], *(LEVELS[1 if i == main else 2] for i in range(k)))
-        )
+        """A grid of the scaled box (m + k, 2)."""
+        k = len(margin)
+        m = len(box) - k
+        counts = _levels(m, k, main)
         sides = [np.linspace(low, high, count) for (low, high), count in zip(box, counts, strict=True)]
-        points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 1 + k)
+        points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, m + k)
         basis = scaled_basis(exponents)
         slopes = np.zeros((len(points), k, k, len(exponents)))
         for i in range(k):
             for j in range(i, k):
-                slopes[:, i, j] = -basis.derivative(points[:, 0], points[:, 1:], unit(k, 1 + i, 1 + j))
+                slopes[:, i, j] = -basis.derivative(points[:, :m], points[:, m:], unit(m + k, m + i, m + j))
                 slopes[:, j, i] = slopes[:, i, j]
         return StabilityGrid(points, slopes, MARGIN * margin)
 
@@ -69,7 +71,7 @@ class StabilityGrid:
     def inside(self, box: Array) -> Mask:
         """(g,) points in a deformation box (k, 2), and the first beyond each side of it."""
         keep = np.ones(len(self.points), bool)
-        for axis, (low, high) in enumerate(box, start=1):
+        for axis, (low, high) in enumerate(box, start=self.points.shape[1] - len(box)):
             levels = self._levels[axis]
             first = levels[max(np.searchsorted(levels, low, side="right") - 1, 0)]
             last = levels[min(np.searchsorted(levels, high), len(levels) - 1)]
@@ -158,8 +160,22 @@ def _project(start: Array, root: Array, planes: Array, limits: Array) -> Array:
     return start + step
 
 
+def _levels(m: int, k: int, main: int) -> tuple[int, ...]:
+    """Levels of m actuations and k axes."""
+    if m > 1:
+        fitting = (pair for pair in SEVERAL_LEVELS if pair[0] ** m * pair[1] ** k <= MOST_POINTS)
+        of_input, of_axis = next(fitting, SEVERAL_LEVELS[-1])
+        return (of_input,) * m + (of_axis,) * k
+    if k == 1:
+        return ONE_AXIS_LEVELS
+    return (LEVELS[0], *(LEVELS[1 if i == main else 2] for i in range(k)))
+
+
 def _negative_definite(slopes: Array) -> Mask:
-    """(g,) which of (g, k, k) symmetric slopes are, by leading minors."""
+    """(g,) which of (g, k, k) symmetric slopes are, by leading minors; of more than three axes by eigenvalues."""
+    if slopes.shape[1] > 3:
+        largest: Mask = np.linalg.eigvalsh(slopes)[:, -1] < 0
+        return largest
     s = -slopes
     found: Mask = s[:, 0, 0] > 0
     if s.shape[1] > 1:

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.records.actuation import Levels
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant_plugins.meta_models.common_form_scales import fitted
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents, unit
+from pliant_plugins.surrogates.polynomial.several_fit import DEGREES as SEVERAL_DEGREES
+from pliant_plugins.surrogates.polynomial.several_fit import terms_of as several_terms
 
 # As in the polynomial surrogate: slopes of a polynomial are steeper than its values.
 SLOPE_WEIGHT = 0.2
@@ -21,6 +24,8 @@ LARGE = 2.0
 COST = 1.5
 # Efforts of side axes below this share of their range, with the side axes at rest, are none.
 SYMMETRY = 1e-5
+# Of several actuations: what designs cost to fit grows with its cube, what a law costs an engine with it.
+MOST_TERMS = 360
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,41 +62,43 @@ def orthonormal(blocks: Sequence[Equations]) -> Array:
 
 
 def scaled_basis(exponents: Exponents) -> EnergyBasis:
-    """Terms of scaled variables: actuation by its largest value, deformations by their reach."""
-    k = exponents.shape[1] - 1
+    """Terms of scaled variables: actuations by their largest values, deformations by their reach."""
+    k = exponents.shape[1] - 1  # all but the first coordinate, further actuations among them
     return EnergyBasis(exponents, np.array([0.0, 1.0]), np.tile([0.0, 1.0], (k, 1)))
 
 
 def equations(
-    data: ModuleData, exponents: Exponents, actuation: float, sizes: Array, weights: Array
+    data: ModuleData, exponents: Exponents, actuation: Levels, sizes: Array, weights: Array
 ) -> Equations:
     """Equations of the trusted states of role "fit" of one design.
 
     Args:
-        actuation: scale of the actuation.
+        actuation: scale of the actuation; (m,) of several.
         sizes: (k + 1,) reach of each axis and energy of this design.
         weights: (k,) weight of each axis.
     """
     keep = fitted(data)
     reach, energy = sizes[:-1], sizes[-1]
-    basis, k = scaled_basis(exponents), len(data.axes)
+    basis, m, k = scaled_basis(exponents), len(data.actuations), len(data.axes)
     x, v = data.actuation[keep] / actuation, data.deformation[keep] / reach
 
     def rows_of(*places: int) -> Array:
         # τ = −∂Π/∂u: the minus sign of every row.
-        return -basis.derivative(x, v, unit(k, *places))
+        return -basis.derivative(x, v, unit(m + k, *places))
 
+    n = int(keep.sum())
+    scales, gains = np.reshape(actuation, -1), data.dtau_dp[keep].reshape(n, k, m)
     blocks: list[tuple[Array, Array, bool]] = []
     for i in range(k):
         to_unit = weights[i] * reach[i] / energy
-        blocks.append((weights[i] * rows_of(1 + i), to_unit * data.tau[keep, i], True))
-        by_p = SLOPE_WEIGHT * to_unit * actuation * data.dtau_dp[keep, i]
-        blocks.append((SLOPE_WEIGHT * weights[i] * rows_of(0, 1 + i), by_p, False))
+        blocks.append((weights[i] * rows_of(m + i), to_unit * data.tau[keep, i], True))
+        for j in range(m):
+            by_p = SLOPE_WEIGHT * to_unit * scales[j] * gains[:, i, j]
+            blocks.append((SLOPE_WEIGHT * weights[i] * rows_of(j, m + i), by_p, False))
         for j in range(i, k):
             weight = SLOPE_WEIGHT * np.sqrt(weights[i] * weights[j])
             by_u = weight * reach[i] * reach[j] / energy * data.dtau_du[keep, i, j]
-            blocks.append((weight * rows_of(1 + i, 1 + j), by_u, False))
-    n = int(keep.sum())
+            blocks.append((weight * rows_of(m + i, m + j), by_u, False))
     blocks = [_tempered(*block) for block in blocks]
     rows, right = (np.concatenate([block[k] for block in blocks]) for k in (0, 1))
     state, value = np.tile(np.arange(n), len(blocks)), np.repeat([block[2] for block in blocks], n)
@@ -106,14 +113,26 @@ def _tempered(rows: Array, right: Array, value: bool) -> tuple[Array, Array, boo
     return rows * weight[:, None], right * weight, value
 
 
-def term_sets(axes: int, main: int, even: bool) -> list[Exponents]:
-    """Nested sets of exponents (m, 1 + k), small ones first; `even`: unchanged where all side axes change sign."""
+def term_sets(axes: int, main: int, even: bool, actuations: int = 1) -> list[Exponents]:
+    """Sets of exponents (t, m + k), small ones first; `even`: unchanged where all side axes change sign.
+
+    Of several actuations none is the one that drives the main axis: all axes count alike, as in the polynomial law.
+    """
+    if actuations > 1:
+        every = (several_terms(*degrees, actuations, axes) for degrees in SEVERAL_DEGREES)
+        moving = [one[one[:, actuations:].any(axis=1)] for one in every]
+        return [_by_degree(one) for one in sorted(moving, key=len) if len(one) <= MOST_TERMS]
     sides = [k for k in range(axes) if k != main]
     if not sides:
         degrees = [(1, 3), (2, 3), (2, 4), (3, 5), (4, 6), (4, 7), (5, 8)]
     else:
         degrees = [(1, 3), (2, 4), (2, 6), (3, 8), (3, 11), (3, 14)]
     return [_terms(axes, main, sides, even, *degree) for degree in degrees]
+
+
+def _by_degree(exponents: Exponents) -> Exponents:
+    """In the order of their degree: `orthonormal` then gives each direction what lower degrees leave open."""
+    return exponents[np.lexsort((*exponents.T[::-1], exponents.sum(axis=1)))]
 
 
 def _terms(axes: int, main: int, sides: list[int], even: bool, top_x: int, top_v: int) -> Exponents:
@@ -126,12 +145,13 @@ def _terms(axes: int, main: int, sides: list[int], even: bool, top_x: int, top_v
             continue
         if i / top_x + (int(u[main]) + COST * across - 1) / top_v <= 1 + 1e-9:
             found.append((i + int(u[main]) + COST * across, powers))
-    # In the order of their degree: `orthonormal` then gives each direction what lower degrees leave open.
-    return np.array([powers for _, powers in sorted(found)], np.int64)
+    return np.array([powers for _, powers in sorted(found)], np.int64)  # as `_by_degree`, with the costs
 
 
 def is_even(data: tuple[ModuleData, ...], ranges: Array) -> bool:
     """Whether side axes at rest bear no effort in any fitted state: the module then has a plane of symmetry."""
+    if len(data[0].actuations) > 1:  # any of them may bend the module about any axis
+        return False
     for one in data:
         main = one.axes.index(one.main_axis)
         sides = np.array([k for k in range(len(one.axes)) if k != main])

@@ -68,7 +68,7 @@ class EnergyLaws(FormLaws):
         return EnergyLaws(**FormLaws.shared_fields(record), family=RidgeFamily.of_arrays(record.arrays))
 
 
-# Levels of pressure and angle for one axis; scattered points for several.
+# Levels of pressure and angle where there is one of each; scattered points for more.
 LEVELS = (9, 33)
 POINTS, SEED = 500, 0
 RIDGE = 1e-9
@@ -79,7 +79,7 @@ class TorqueLaws(FormLaws):
     """Laws of one network per axis.
 
     Attributes:
-        networks: by axis: scaled parameters, actuation and deformations (n, d + 1 + k) → scaled torque (n, 1).
+        networks: by axis: scaled parameters, actuations and deformations (n, d + m + k) → scaled torque (n, 1).
         sizes: (k,) mean size of each axis' scaled torque.
     """
 
@@ -91,17 +91,14 @@ class TorqueLaws(FormLaws):
         values = np.asarray(values, float)
         form = self.form
         domain = form.domain(values)
-        box = np.vstack(
-            [
-                domain.actuation / form.largest_actuation,
-                domain.deformation / form.reach(values[None])[0][:, None],
-            ]
-        )
-        points = box[:, 0] + grid(len(form.axes)) * np.ptp(box, axis=1)
+        box = np.vstack([form.scaled_actuation, domain.deformation / form.reach(values[None])[0][:, None]])
+        points = box[:, 0] + grid(len(box)) * np.ptp(box, axis=1)
         tau = self.torques(form.parameters(values[None]), np.zeros(len(points), int), points)
         basis, k = scaled_basis(form.exponents), len(form.axes)
+        m = len(box) - k
+        inputs, turned = points[:, :m], points[:, m:]
         rows = np.concatenate(
-            [-basis.derivative(points[:, 0], points[:, 1:], unit(k, 1 + i)) / self.sizes[i] for i in range(k)]
+            [-basis.derivative(inputs, turned, unit(m + k, m + i)) / self.sizes[i] for i in range(k)]
         )
         columns, right = rows @ form.directions, (tau / self.sizes).T.ravel() - rows @ form.centre
         square = columns.T @ columns
@@ -109,7 +106,7 @@ class TorqueLaws(FormLaws):
         return form.law(values, np.linalg.solve(square + held, columns.T @ right))
 
     def torques(self, places: Array, design: Array, points: Array) -> Array:
-        """(n, k) what the networks say, scaled: of designs `design` (n,) among places (m, d) at points (n, 1 + k)."""
+        """(n, k) what the networks say, scaled: of designs `design` (n,) among places (m, d) at points (n, m + k)."""
         inputs = np.column_stack([places[design.astype(int)], points])
         return np.column_stack([network(inputs) for network in self.networks])
 
@@ -150,10 +147,10 @@ def fit_torques(
     return tuple(networks), sizes, float(np.sqrt(np.mean(missed)))
 
 
-def grid(n_axes: int) -> Array:
-    """(g, 1 + k) points of the unit box."""
-    if n_axes > 1:
-        return np.random.default_rng(SEED).random((POINTS, 1 + n_axes))
+def grid(coordinates: int) -> Array:
+    """(g, m + k) points of the unit box of so many actuations and deformations."""
+    if coordinates > 2:
+        return np.random.default_rng(SEED).random((POINTS, coordinates))
     ticks = [np.linspace(0, 1, count) for count in LEVELS]
     return np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -161,6 +158,7 @@ def grid(n_axes: int) -> Array:
 class NeuralMetaModel(MetaModel):
     """An energy over all designs from efforts and slopes, or the study's torques (doi 10.1002/aisy.70406)."""
 
+    several_actuations = True
     config: NeuralMetaConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:

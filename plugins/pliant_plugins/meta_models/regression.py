@@ -313,6 +313,7 @@ class RegressionLaws(FormLaws):
 class Regression(MetaModel):
     """Gaussian processes, kernel ridge or polynomials, whichever misses the efforts of left-out designs least."""
 
+    several_actuations = True
     config: RegressionConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:

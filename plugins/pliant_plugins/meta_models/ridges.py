@@ -3,8 +3,9 @@
     Π(p, u; s) / E(s) = Σ_j c_j √(1 + z_j²) − (t + x g)·v + ½ vᵀ S v,  z_j = w_j·(x, v) + b_j
     (b, c, t, g, S)(s) = W₂ tanh(W₁ s + a₁) + a₂
 
-with x = p / p_max, v_k = u_k / u_k(s) and the reaches u_k(s) and energy E(s) of the common form. For one design it is a
-`Network` of the neural surrogate, whose offsets and factors hold the design.
+with x = p / p_max, v_k = u_k / u_k(s) and the reaches u_k(s) and energy E(s) of the common form. Of m actuations each
+has its x, and g is (k, m). For one design it is a `Network` of the neural surrogate, whose offsets and factors hold
+the design.
 
 It is trained on trusted states in the common form's scales, efforts and slopes, by L-BFGS in double precision."""
 
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.records.actuation import Levels
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
 from pliant_plugins.meta_models.common_form import CommonForm
@@ -32,8 +34,8 @@ class ScaledStates:
     Attributes:
         places: (designs, d) scaled parameters.
         design: (n,) the design of each state.
-        points: (n, 1 + k) x = p / p_max and v = u / reach.
-        tau: (n, k) efforts times reach over energy; gain: (n, k) ∂/∂x; slope: (n, k, k) ∂/∂v. Unknown ones are NaN.
+        points: (n, m + k) x = p / p_max and v = u / reach.
+        tau: (n, k) efforts times reach over energy; gain: (n, k, m) ∂/∂x; slope: (n, k, k) ∂/∂v. NaN: unknown.
     """
 
     places: Array
@@ -58,7 +60,7 @@ class ScaledStates:
                     np.full(len(x), number),
                     np.column_stack([x, v]),
                     data.tau[keep] * reach / energy,
-                    data.dtau_dp[keep] * reach * top / energy,
+                    data.dtau_dp[keep].reshape(len(x), len(reach), -1) * reach[:, None] * top / energy,
                     data.dtau_du[keep] * reach[:, None] * reach / energy,
                 )
             )
@@ -72,8 +74,8 @@ class RidgeFamily:
 
     Attributes:
         inner: (d, h) W₁; inner_bias: (h,) a₁.
-        outer: (h, q) W₂; outer_bias: (q,) a₂, in the order b (m), c (m), t (k), g (k), S (k, k).
-        ridges: (m, 1 + k) w.
+        outer: (h, q) W₂; outer_bias: (q,) a₂, in the order b (r), c (r), t (k), g (k, m), S (k, k).
+        ridges: (r, m + k) w.
         mirror: (k,) −1 for axes whose sign, together, leaves the energy as it is; all 1 without such a symmetry.
     """
 
@@ -84,26 +86,30 @@ class RidgeFamily:
     ridges: Array
     mirror: Array
 
-    def network(self, place: Array, energy: float, top: float, reach: Array) -> Network:
-        """The network of a design with scaled parameters (d,), in SI."""
-        m, k = len(self.ridges), len(reach)
+    def network(self, place: Array, energy: float, top: Levels, reach: Array) -> Network:
+        """The network of a design with scaled parameters (d,), in SI; `top` is (m,) of several actuations."""
+        r, k = len(self.ridges), len(reach)
+        m = self.ridges.shape[1] - k
         hidden = np.tanh(place @ self.inner + self.inner_bias)
         values = hidden @ self.outer + self.outer_bias
-        offsets, factors, effort, gain, matrix = np.split(values, np.cumsum([m, m, k, k]))
+        offsets, factors, effort, gain, matrix = np.split(values, np.cumsum([r, r, k, k * m]))
+        gain = gain.reshape(k, m)
         stiffness = symmetric(matrix.reshape(k, k))
-        weights = self.ridges / np.concatenate([[top], reach])
+        tops = np.reshape(top, -1)
+        weights = self.ridges / np.concatenate([tops, reach])
         if np.any(self.mirror < 0):
             own = (1 + self.mirror) / 2
-            effort, gain = effort * own, gain * own
+            effort, gain = effort * own, gain * own[:, None]
             stiffness = (stiffness + stiffness * np.outer(self.mirror, self.mirror)) / 2
-            weights = np.concatenate([weights, weights * np.concatenate([[1.0], self.mirror])])
+            weights = np.concatenate([weights, weights * np.concatenate([np.ones(m), self.mirror])])
             offsets, factors = np.tile(offsets, 2), np.tile(factors, 2) / 2
+        gain = energy * gain / np.outer(reach, tops)
         return Network(
             weights,
             offsets,
             energy * factors,
             energy * effort / reach,
-            energy * gain / (top * reach),
+            gain[:, 0] if m == 1 else gain,
             energy * stiffness / np.outer(reach, reach),
         )
 
@@ -135,8 +141,9 @@ def fit_ridges(
 ) -> tuple[RidgeFamily, float]:
     """The network, and its root mean square of errors of efforts as a share of each axis' mean size."""
     d, k = states.places.shape[1], states.tau.shape[1]
+    m = states.points.shape[1] - k
     random = np.random.default_rng(seed)
-    outputs = 2 * units + 2 * k + k * k
+    outputs = 2 * units + k + k * m + k * k
     start = {
         "inner": random.standard_normal((d, units)) / np.sqrt(d),
         "inner_bias": 0.5 * random.standard_normal(units),
@@ -148,9 +155,9 @@ def fit_ridges(
                 np.zeros(outputs - 2 * units),
             ]
         ),
-        "ridges": SPREAD * random.standard_normal((units, 1 + k)),
+        "ridges": SPREAD * random.standard_normal((units, m + k)),
     }
-    start["outer_bias"][2 * units + 2 * k :] = np.eye(k).ravel()
+    start["outer_bias"][2 * units + k + k * m :] = np.eye(k).ravel()
     with one_thread() as torch:
         leaves = {
             name: torch.tensor(value, dtype=torch.float64, requires_grad=True)
@@ -183,9 +190,10 @@ class _RidgeMisfit:
         size = np.sqrt(np.nanmean(states.tau**2, axis=0))
         weight = 1 / np.where(size > 0, size, 1.0)
         self.k = states.tau.shape[1]
+        self.m = states.points.shape[1] - self.k
         upper = [(i, j) for i in range(self.k) for j in range(i, self.k)]
         self.upper = upper
-        self.wanted = [self._known(states.tau * weight), self._known(states.gain * weight)]
+        self.wanted = [self._known(states.tau * weight), self._known(states.gain * weight[:, None])]
         across = np.stack([np.sqrt(weight[i] * weight[j]) * states.slope[:, i, j] for i, j in upper], axis=1)
         self.wanted.append(self._known(across))
         self.weight = torch.tensor(weight)
@@ -197,33 +205,33 @@ class _RidgeMisfit:
         return plain, self.torch.tensor(known.astype(float)), max(int(known.sum()), 1)
 
     def __call__(self, leaves: dict[str, Any]) -> tuple[Any, Any]:
-        torch, k = self.torch, self.k
-        m = len(leaves["ridges"])
+        torch, k, m = self.torch, self.k, self.m
+        r = len(leaves["ridges"])
         hidden = torch.tanh(self.places @ leaves["inner"] + leaves["inner_bias"])
         values = (hidden @ leaves["outer"] + leaves["outer_bias"])[self.design]
-        b, c = values[:, :m], values[:, m : 2 * m]
-        t, g = values[:, 2 * m : 2 * m + k], values[:, 2 * m + k : 2 * m + 2 * k]
-        matrix = values[:, 2 * m + 2 * k :].reshape(-1, k, k)
+        b, c, t, g, matrix = torch.split(values, [r, r, k, k * m, k * k], dim=1)
+        g, matrix = g.reshape(-1, k, m), matrix.reshape(-1, k, k)
         s = (matrix + matrix.transpose(1, 2)) / 2
         w = leaves["ridges"]
         if self.mirrored:
             own = (1 + self.mirror) / 2
-            t, g = t * own, g * own
+            t, g = t * own, g * own[:, None]
             s = s * (1 + self.mirror[:, None] * self.mirror) / 2
-            flip = torch.cat([torch.ones(1, dtype=w.dtype), self.mirror])
+            flip = torch.cat([torch.ones(m, dtype=w.dtype), self.mirror])
             w = torch.cat([w, w * flip])
             b, c = torch.cat([b, b], 1), torch.cat([c, c], 1) / 2
         z = self.points @ w.T + b
         bell = torch.rsqrt(1 + z * z)
         first, second = c * z * bell, c * bell**3
-        x, v = self.points[:, :1], self.points[:, 1:]
-        of_u = w[:, 1:]
-        tau = t + x * g - torch.einsum("nij,nj->ni", s, v) - first @ of_u
+        x, v = self.points[:, :m], self.points[:, m:]
+        of_u = w[:, m:]
+        tau = t + torch.einsum("nkm,nm->nk", g, x) - torch.einsum("nij,nj->ni", s, v) - first @ of_u
         pairs = torch.stack([of_u[:, i] * of_u[:, j] for i, j in self.upper], dim=1)
-        both = second @ torch.cat([of_u * w[:, :1], pairs], dim=1)
-        gain = g - both[:, :k]
-        slope = torch.stack([-s[:, i, j] for i, j in self.upper], dim=1) - both[:, k:]
-        found = (tau * self.weight, gain * self.weight, slope * self.across)
+        across = (of_u[:, :, None] * w[:, None, :m]).reshape(-1, k * m)
+        both = second @ torch.cat([across, pairs], dim=1)
+        gain = g - both[:, : k * m].reshape(-1, k, m)
+        slope = torch.stack([-s[:, i, j] for i, j in self.upper], dim=1) - both[:, k * m :]
+        found = (tau * self.weight, gain * self.weight[:, None], slope * self.across)
         errors = [
             (((one - wanted) * known) ** 2).sum() / count
             for one, (wanted, known, count) in zip(found, self.wanted, strict=True)

@@ -120,6 +120,14 @@ def _single_precision(up: Any, self: Any) -> LawRecord:
     return replace(up(), arrays={**up().arrays, "terms": np.float32(self.terms)})
 
 
+def _blind_to_the_second(up: Any, self: Any, designs: SolvedDesigns) -> Any:
+    data = [
+        replace(one, actuation=one.actuation.reshape(len(one), -1)[:, 0], actuation_name=one.actuations[0])
+        for one in designs.data
+    ]
+    return up(replace(designs, data=tuple(data)))
+
+
 def _fitting_anything(up: Any, self: Any, designs: SolvedDesigns) -> Any:
     try:
         return up(designs)
@@ -133,6 +141,7 @@ refitted(
     "predicts_three_axes",
     lambda one: {"tau": one.tau * np.where(np.arange(one.tau.shape[1]) == 0, len(one.axes) // 2 + 1, 1)},
 )
+broken("carries_several_actuations", several_actuations=True, fit=_blind_to_the_second)
 broken(
     "laws_are_of_the_joint",
     fit=lambda up, self, designs: replace(

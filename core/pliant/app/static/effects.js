@@ -1,7 +1,8 @@
 "use strict";
 // The list of effects: tick boxes, what each could explain, sliders, look-alikes.
 const short = v => Number.isFinite(v) ? String(+v.toPrecision(4)) : "–";
-const percent = v => v < 0.005 ? "0 %" : v < 0.1 ? `${(100 * v).toFixed(1)} %` : `${Math.round(100 * v)} %`;
+const percent = v => !(v > 0) ? "0 %" : v < 0.001 ? "< 0.1 %" : v < 0.1 ? `${(100 * v).toFixed(1)} %` : `${Math.round(100 * v)} %`;
+const chance = p => p > 0.99 ? "over 99 %" : p < 0.01 ? "below 1 %" : `${Math.round(100 * p)} %`;
 
 function el(tag, at = {}, ...inside) {
   const e = document.createElement(tag);
@@ -15,8 +16,8 @@ function el(tag, at = {}, ...inside) {
 
 const FIRST = 9;  // effects that are not folded away
 class EffectList {
-  // moved(effects): while a slider moves; settled(effects, words): when the model shall be that.
-  constructor(hold, moved, settled) { this.hold = hold; this.moved = moved; this.settled = settled; this.rows = new Map(); this.busy = false; }
+  // moved(effects): while a slider moves; settled(effects, words): when the model shall be that; ticked(kind, on).
+  constructor(hold, moved, settled, ticked) { this.hold = hold; this.moved = moved; this.settled = settled; this.ticked = ticked; this.rows = new Map(); this.busy = false; }
 
   show(model, screen, stale = false) {
     if (this.busy) return;
@@ -34,17 +35,16 @@ class EffectList {
     const seen = order.filter(one => ticked.has(one.kind) || !screen || kinds[one.kind].shown);
     const first = seen.filter((one, k) => k < FIRST || ticked.has(one.kind)), more = seen.filter(one => !first.includes(one));
     const open = this.hold.querySelector("details.more") && this.hold.querySelector("details.more").open;
-    this.told = new Set();
     const rows = list => list.map(one => this.row(one, kinds[one.kind], ticked));
     this.hold.replaceChildren(...rows(first), ...(more.length ? [el("details", {class: "more", open}, el("summary", {}, `${more.length} more`), ...rows(more))] : []));
     if (focus && document.getElementById(focus)) document.getElementById(focus).focus({preventScroll: true});
   }
   row(one, seen, ticked) {
     const id = `effect-${one.kind}`, has = ticked.has(one.kind), found = this.model.diagnosis;
-    const box = el("input", {type: "checkbox", id, onchange: event => this.tick(one, event.target.checked)});
+    const box = el("input", {type: "checkbox", id, onchange: event => this.ticked(one.kind, event.target.checked)});
     box.checked = has;
     const badge = found && found.by_kind[one.kind] !== undefined
-      ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, `${percent(found.by_kind[one.kind])} probable`) : null;
+      ? el("span", {class: `badge${found.by_kind[one.kind] > 0.5 ? " sure" : ""}`, title: "probability that it is among what is missing, by the diagnosis"}, `${chance(found.by_kind[one.kind])} probable`) : null;
     const own = this.model.own.includes(one.kind) ? el("span", {class: "badge"}, "of the study") : null;
     const mine = one.file ? el("span", {class: "badge", title: "your own effect; it is read anew when the file changes"}, `from ${one.file}`) : null;
     const bar = el("div", {class: "bar", "aria-hidden": "true"}, el("i", {style: `width:${seen ? 100 * seen.explains : 0}%`}));
@@ -60,11 +60,8 @@ class EffectList {
     return el("div", {class: "effect"}, ...rows);
   }
   tie(kind, alike) {
-    const found = this.model.diagnosis;
-    const split = found ? found.classes.find(c => c.run && c.kinds.includes(kind)) : null;
     const names = alike.slice(0, 4).join(", ").replaceAll("_", " ") + (alike.length > 4 ? ` and ${alike.length - 4} more` : "");
-    const again = split && this.told.has(split.run); if (split) this.told.add(split.run);  // once for all look-alikes
-    return `These runs cannot tell it from ${names}.` + (again ? ` The run '${split.run}' would.` : split ? ` The run '${split.run}' would: ${split.words} (${short(split.minutes)} min).` : "");
+    return `These runs cannot tell it from ${names}.`;
   }
   slider(one, s) {
     const now = this.effects.find(e => e.kind === one.kind), id = `slider-${one.kind}-${s.name}`;
@@ -81,9 +78,5 @@ class EffectList {
     const fit = this.model.fit, told = fit ? fit.estimates.find(e => e.kind === one.kind && e.parameter === s.name) : null;
     return el("div", {class: "slider"}, el("label", {for: id}, s.words, s.unit ? ` (${s.unit})` : ""), range, number,
       told ? el("span", {class: "fitted"}, `fitted: ${told.words}`) : null);
-  }
-  tick(one, on) {
-    const kept = this.effects.filter(e => e.kind !== one.kind);
-    this.settled(on ? [...kept, {...one.begun}] : kept, on ? `ticked ${one.kind}` : `took ${one.kind} out`);
   }
 }

@@ -22,7 +22,7 @@ async function pulse() {
   try {
     const beat = await ask("pulse");
     job(beat.job);
-    if (beat.version !== version && !dropping) { version = beat.version; await load(); }
+    if (beat.version !== version && !dropping) { version = beat.version; await load(beat.study); }
     if ($("said").dataset.lost) { delete $("said").dataset.lost; say(""); }
   } catch (error) {
     say(error.message.startsWith("Refused") ? error.message : "The server does not answer. Everything is saved: start 'pliant app' again and this page goes on.");
@@ -30,29 +30,37 @@ async function pulse() {
   }
   setTimeout(pulse, 700);
 }
-async function load() {
-  view = await ask("view");
+let loads = 0;  // the newest one alone draws: an older answer may come later
+async function load(study) {
+  const mine = ++loads, older = () => mine !== loads;
+  if (!view || study !== view.study) opening(study ? `Opening ${study}: its recording is read and predicted; at the first use on a machine the model is compiled, which takes half a minute or more.` : "Asking the server …");
+  const seen = await ask("view"); if (older()) return;
+  view = seen;
   $("begin").hidden = !!view.model; $("bench").hidden = !view.model;
   if (view.said.length && view.said.join("\n") !== load.said) { load.said = view.said.join("\n"); say(view.said[view.said.length - 1]); }
   for (const id of ["undo", "redo", "yaml", "save", "keep", "report"]) $(id).disabled = !view.model;
-  if (!view.model) { begin(); return; }
+  if (!view.model) { opening(""); begin(); return; }
   const m = view.model, key = JSON.stringify([view.study, view.data, m.name, m.off]);
   $("title").textContent = m.name; $("source").textContent = `${view.study} · ${m.source} · ${view.folder}`;
-  if (key !== curvesOf) { data = decode(await ask("curves")); curvesOf = key; marked = null; choices(); }
-  await preview(m.effects, 0, true);
-  await besides(m, key);
-  tables(); draw(); effects.show(m, screening && screening.found, true);
+  if (key !== curvesOf) { const curves = await ask("curves"); if (older()) return; data = decode(curves); curvesOf = key; marked = null; choices(); }
+  await preview(m.effects, 0, true, older); if (older()) return;
+  await besides(m, key); if (older()) return;
+  opening(""); tables(); draw(); effects.show(m, screening && screening.found, true);
   const at = version;
-  await space();
-  where = await ask("where"); if (at === version) { sentence(); tables(); }
-  const found = await ask("screen"); screening = {of: at, found};
+  await space(); if (older()) return;
+  const places = await ask("where"); if (older()) return;
+  where = places; if (at === version) { sentence(); tables(); }
+  const found = await ask("screen"); if (older()) return;
+  screening = {of: at, found};
   if (at === version) { effects.show(m, found); silent(found); document.body.dataset.ready = at; }
 }
+
+function opening(words) { $("openingwords").textContent = words; $("opening").hidden = !words; }
 
 // The model beside the present one: a step of the history, the first one until another is chosen.
 async function besides(m, key) {
   const names = m.steps.map((s, k) => ({name: String(k), label: `${k + 1}. ${s.words}`})).filter(s => +s.name !== m.cursor);
-  fill($("beside"), [...names, {name: "", label: "nothing"}], "0");
+  fill($("beside"), [{name: "", label: "nothing"}, ...names]);
   if ($("beside").dataset.chosen === undefined && m.cursor > 0) $("beside").value = "0";
   const k = $("beside").value;
   if (k === "") { asis = null; return; }
@@ -89,11 +97,11 @@ function unpack(texts) {
   return found;
 }
 let flying = false, waiting = null;
-async function preview(effects, parts, settled) {
+async function preview(effects, parts, settled, older = () => false) {
   if (flying && !settled) { waiting = [effects, parts]; return; }
   flying = true;
   try {
-    const found = await ask("preview", {effects, parts});
+    const found = await ask("preview", {effects, parts}); if (older()) return;
     now = {...found, predicted: unpack(found.predicted)};
   } finally { flying = false; }
   if (waiting && !settled) { const [e, p] = waiting; waiting = null; await preview(e, p, false); }
@@ -164,7 +172,7 @@ function draw(after = "show") {
   const o = output(), p = now.predicted[o.name], base = asis && asis.predicted[o.name].length === data.n ? asis.predicted[o.name] : null;
   const on = visible(), faint = data.run.map(k => data.runs[k].aside), floor = now.floors[o.name] || 0;
   const lines = [...(base ? [{values: base, colour: PLAIN, width: 1.4}] : []), {values: p, colour: MODEL}];
-  const common = {on, faint, marked, starts: data.starts, lines};
+  const common = {of: curvesOf + $("seeaside").checked, on, faint, marked, starts: data.starts, lines};
   const [clock, rules] = compact();
   pictures.time[after]({...common, x: clock, y: o.measured, rules, xlabel: data.time_label, ylabel: o.axis, name: `${o.label} over time, measured and model`});
   const over = circumstance("over");
@@ -173,7 +181,7 @@ function draw(after = "show") {
   const unit = o.unit ? ` (${o.unit})` : "";
   pictures.residual[after]({...common, lines: [], moving: true, x: spread(against), y: rest, band: 2 * floor, categories: against.categories,
     xlabel: against.axis, ylabel: `measured − model${unit}`, name: `error of ${o.label} over ${against.label}`});
-  $("besidename").textContent = asis ? asis.words : "no model beside it";
+  $("besidename").textContent = asis ? asis.words : ""; $("besidename").previousElementSibling.style.display = asis ? "" : "none";
   if (after === "show") conditionMap(o, p, floor, on, against);
   $("floor").textContent = floor ? `; one is ${short(floor)} ${o.unit}, from ${now.floor_from[o.name]}` : "; no floor is known here";
 }
@@ -214,11 +222,17 @@ function sentence() { $("sentence").textContent = where ? where.sentence : ""; }
 function tables() {
   const m = view.model, ratio = where ? where.runs : {};
   $("aside").textContent = m.aside;
-  $("runs").replaceChildren(el("tr", {}, ...["on", "run", "condition", "error / noise"].map((t, k) => el("th", {class: k === 3 ? "n" : ""}, t))),
-    ...data.runs.map(run => { const box = el("input", {type: "checkbox", "aria-label": `run ${run.name}`, onchange: attempt(event => toggle(run.name, event.target.checked))});
-      box.checked = !run.off;
-      return el("tr", {class: run.aside ? "asiderow" : ""}, el("td", {}, box), el("td", {}, run.name), el("td", {}, run.words),
-        el("td", {class: "n"}, run.off ? "off" : run.aside ? "put aside" : ratio[run.name] ? ratio[run.name].toFixed(2) : "–")); }));
+  const of = data.runs.map(run => run.name).join("\n");
+  if ($("runs").of !== of) {  // rows stay while they are clicked
+    $("runs").of = of;
+    $("runs").replaceChildren(el("tr", {}, ...["on", "run", "condition", "error / noise"].map((t, k) => el("th", {class: k === 3 ? "n" : ""}, t))),
+      ...data.runs.map(({name}) => el("tr", {}, el("td", {}, el("input", {type: "checkbox", "aria-label": `run ${name}`, onchange: attempt(event => toggle(name, event.target.checked))})),
+        el("td", {}, name), el("td", {}), el("td", {class: "n"}))));
+  }
+  const worst = Math.max(0, ...data.runs.filter(run => !run.off && !run.aside).map(run => ratio[run.name] || 0));
+  data.runs.forEach((run, k) => { const row = $("runs").rows[k + 1], off = toggled.has(run.name) ? !toggled.get(run.name) : run.off;
+    row.className = run.aside ? "asiderow" : ""; row.cells[0].firstChild.checked = !off; row.cells[2].textContent = run.words;
+    row.cells[3].textContent = off ? "off" : run.aside ? "put aside" : ratio[run.name] ? `${ratio[run.name] === worst ? "worst: " : ""}${ratio[run.name].toFixed(2)}` : "–"; });
   if (where) {
     $("places").replaceChildren(el("tr", {}, el("th", {}, "condition"), el("th", {class: "n"}, "of error"), el("th", {class: "n"}, "of readings")),
       ...where.places.slice(0, 7).map(p => el("tr", {}, el("td", {}, p.condition), el("td", {class: "n"}, percent(p.share)), el("td", {class: "n"}, percent(p.readings)))));
@@ -249,16 +263,30 @@ function verdict(m) {
     }
     if (f.report) hold.append(el("p", {}, link(f.report, "The report of Improve")));
   }
-  if (d) {
-    hold.append(el("p", {class: "result"}, d.sentence));
-    hold.append(el("table", {}, el("tr", {}, el("th", {}, "explanation"), el("th", {class: "n"}, "probability"), el("th", {class: "n"}, "left-out error / noise")),
-      ...d.hypotheses.filter(h => h.probability > 0.001).slice(0, 5).map(h => el("tr", {}, el("td", {}, h.kinds.join(" + ").replaceAll("_", " ") || "nothing is missing"), el("td", {class: "n"}, percent(h.probability)), el("td", {class: "n"}, short(h.left_out))))));
-    if (d.next) hold.append(el("p", {}, d.next));
-    else if (!d.protocol) hold.append(el("p", {class: "soft"}, /^(missing_effect|nothing_missing)$/.test(d.verdict)
-      ? "These runs decide: no further run is proposed." : "No run that can be proposed would decide more."));
-    const links = [...(d.protocol ? [link(d.protocol, "The file of the next run")] : []), ...(d.report ? [link(d.report, "The report of Diagnose")] : [])];
-    if (links.length) hold.append(el("p", {}, links[0], links[1] ? " · " : "", links[1]));
-  }
+  if (d) hold.append(...diagnosed(d, link));
+  else if (m.earlier) hold.append(el("div", {class: "earlier"}, el("p", {class: "soft"}, `The diagnosis of step ${m.earlier.step + 1}, ${m.earlier.words}:`), ...diagnosed(m.earlier.found, link)));
+}
+// A diagnosis: what it says, the best explanations and their rivals, the next run, what else would tell look-alikes apart.
+function diagnosed(d, link) {
+  const parts = [el("p", {class: "result"}, d.sentence)], name = h => h.kinds.join(" + ").replaceAll("_", " ") || "nothing is missing";
+  const probable = d.hypotheses.filter((h, k) => h.kinds.length && (k === 0 || h.probability > 0.01)).slice(0, 5), known = new Set(probable.map(name));
+  const rivals = Object.entries(d.single).map(([kind, one]) => ({kinds: [kind], ...one})).filter(h => !known.has(name(h)) && Number.isFinite(h.left_out))
+    .sort((a, b) => a.left_out - b.left_out).slice(0, Math.max(0, 5 - probable.length));
+  const nothing = {kinds: [], left_out: d.nothing, probability: (d.hypotheses.find(h => !h.kinds.length) || {probability: 0}).probability};
+  const rows = d.hypotheses[0].kinds.length ? [...probable, ...rivals, nothing] : [nothing, ...probable, ...rivals];
+  parts.push(el("table", {}, el("tr", {}, el("th", {}, "explanation"), el("th", {class: "n"}, "probability"), el("th", {class: "n"}, "left-out error / noise")),
+    ...rows.map(h => el("tr", {}, el("td", {}, name(h)), el("td", {class: "n"}, chance(h.probability)), el("td", {class: "n"}, h.left_out === null ? "–" : h.left_out.toFixed(2))))));
+  if (d.next_run && d.verdict !== "missing_effect") parts.push(el("p", {}, `Next: ${d.next_run}`));
+  else if (d.next_run) parts.push(el("p", {class: "soft"}, `These runs decide. To be surer still: ${d.next_run}`));
+  else parts.push(el("p", {class: "soft"}, /^(missing_effect|nothing_missing)$/.test(d.verdict)
+    ? "These runs decide: no further run is proposed." : "No run that can be proposed would decide more."));
+  const links = [...(d.protocol ? [link(d.protocol, "The file of the next run")] : []), ...(d.report ? [link(d.report, "The report of Diagnose")] : [])];
+  if (links.length) parts.push(el("p", {}, links[0], links[1] ? " · " : "", links[1]));
+  if (d.protocol) parts.push(el("p", {class: "soft"}, "Do it, fill in the readings, and add the file here: it goes beside the runs that are there."));
+  const others = d.classes.filter(c => c.run && c.run !== d.next_name);
+  if (others.length) parts.push(el("details", {}, el("summary", {}, "Runs that would tell look-alikes apart"), el("table", {}, el("tr", {}, el("th", {}, "run"), el("th", {class: "n"}, "min"), el("th", {}, "tells apart")),
+    ...others.map(c => el("tr", {}, el("td", {}, c.words), el("td", {class: "n"}, short(c.minutes)), el("td", {}, c.kinds.join(", ").replaceAll("_", " ")))))));
+  return parts;
 }
 function silent(found) {
   const quiet = view.model.catalogue.filter(c => found.kinds[c.kind] && !found.kinds[c.kind].shown);
@@ -279,12 +307,16 @@ const robot = new RobotForm($("robot"), $("ways"), $("blocks"), attempt(async va
 $("describe").addEventListener("toggle", attempt(async () => { if ($("describe").open) robot.show(await ask("form")); }));
 const effects = new EffectList($("effects"),
   effects => preview(effects, now ? now.parts : 0, false).then(() => { draw("move"); share(); }).catch(error => say(error.message)),
-  attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }));
+  attempt(async (effects, words) => { effectsBusy(false); await ask("step", {effects, off: view.model.off, words}); await beat(); }),
+  attempt(async (kind, on) => { try { await ask("tick", {kind, on}); } finally { await beat(); } }));
 function effectsBusy(busy) { effects.busy = busy; }
-async function beat() { const b = await ask("pulse"); job(b.job); if (b.version !== version) { version = b.version; await load(); } }
-async function toggle(name, on) {
-  const off = new Set(view.model.off); if (on) off.delete(name); else off.add(name);
-  await ask("step", {effects: view.model.effects, off: [...off], words: `${name} ${on ? "on" : "off"}`}); await beat();
+async function beat() { const b = await ask("pulse"); job(b.job); if (b.version !== version) { version = b.version; await load(b.study); } }
+const toggled = new Map();  // runs whose switch the server has not heard of yet
+let switching = Promise.resolve();  // one after the other, in the order of the clicks
+async function toggle(run, on) {
+  toggled.set(run, on);
+  switching = switching.catch(() => null).then(() => ask("toggle", {run, on}));
+  try { await switching; } catch (error) { if (data) tables(); throw error; } finally { if (toggled.get(run) === on) toggled.delete(run); await beat(); if (data) tables(); }
 }
 async function upload(files) {
   dropping = true;
@@ -293,6 +325,8 @@ async function upload(files) {
 }
 async function send(files) {
   const order = [...files].sort((a, b) => /\.ya?ml$/i.test(a.name) - /\.ya?ml$/i.test(b.name));
+  const large = order.find(file => view && file.size > view.most.bytes);  // a browser may lose the answer to what it still sends
+  if (large) throw new Error(`${large.name}: ${view.most.sentence}`);
   for (const file of order) {
     say(`reading ${file.name} …`);
     const answer = await fetch(`/api/upload?name=${encodeURIComponent(file.name)}`, {method: "POST", headers, body: file});
@@ -315,7 +349,8 @@ const download = name => el("a", {href: `/saved/${encodeURIComponent(name)}?toke
 go("save", async () => { const s = await ask("save", {});
   dialog("The study is saved", `${s.path}\n\nBy commands, on all runs of the files:\n${s.commands.join("\n")}\n\n${s.yaml}`, [download(s.name)]); });
 $("keep").addEventListener("change", attempt(async event => { const what = event.target.value; event.target.value = ""; if (!what) return;
-  const s = await ask("keep", {what});
+  let s; $("keep").disabled = true; opening(what === "page" ? "Saving the whole page; its pictures are drawn, which takes some seconds." : "Saving …");
+  try { s = await ask("keep", {what}); } finally { $("keep").disabled = false; opening(""); }
   dialog(`The study is saved, and ${what === "page" ? "the page" : what === "notebook" ? "the notebook" : "the commands"} beside it`, `${s.path}\n${s.kept_path}\n\n${what === "commands" ? s.text : what === "page" ? "It holds what is looked at now, and needs no server and no network." : "It opens this study and does the same steps, on all runs of the files."}`,
     [download(s.kept), " · ", download(s.name)]); }));
 go("yaml", async () => { const s = await ask("yaml", {}); let told = "copied";

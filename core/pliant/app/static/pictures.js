@@ -12,12 +12,15 @@ class Picture {
   }
   width() { return Math.max(this.hold.clientWidth, 200); }
 
-  // shown: {x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}; moving: y
+  // shown: {of: what a zoom holds for, x, y: points, lines: [{values, colour, width}], runs: [start…], on, marked, faint, band, xlabel, ylabel, name}; moving: y
   // changes with the model.
   show(shown) {
     const fresh = !this.shown || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel;
+    if (fresh || this.shown.of !== shown.of) this.zoomed = false;
     this.shown = shown;
-    if (fresh || !this.view) { this.view = null; this.make(); } else this.redraw();
+    if (fresh || !this.view) { this.view = null; this.make(); return; }
+    if (!this.zoomed) this.view = this.extent();  // nothing that is shown lies outside, but where the reader zoomed in
+    this.rescale();
   }
   extent() {
     const s = this.shown; let x0 = Infinity, x1 = -Infinity, y0 = Infinity, y1 = -Infinity;
@@ -51,10 +54,10 @@ class Picture {
     [this.models, this.dots] = ["models", "dots"].map(name => { const sheet = document.createElement("canvas");
       sheet.className = `sheet ${name}`; this.plot.over.before(sheet); return sheet; });
     const over = this.plot.over;
-    over.addEventListener("dblclick", () => { this.view = this.extent(); this.rescale(); this.brush(null); });
+    over.addEventListener("dblclick", () => { this.zoomed = false; this.view = this.extent(); this.rescale(); this.brush(null); });
     over.addEventListener("mouseleave", () => { this.tip.hidden = true; });
     over.addEventListener("wheel", event => {
-      event.preventDefault();
+      event.preventDefault(); this.zoomed = true;
       const box = over.getBoundingClientRect(), f = event.deltaY < 0 ? 0.8 : 1.25;
       const cx = this.plot.posToVal(event.clientX - box.left, "x"), cy = this.plot.posToVal(event.clientY - box.top, "y");
       this.view = {x: this.view.x.map(v => cx + f * (v - cx)), y: this.view.y.map(v => cy + f * (v - cy))};
@@ -70,7 +73,6 @@ class Picture {
     });
     this.plot.redraw(false, true);
   }
-  redraw() { this.plot.redraw(false, false); }
   // Only the model moved: the readings and the axes, on sheets above and beneath, stay as they are.
   move(shown) {
     if (!this.shown || !this.plot || this.shown.xlabel !== shown.xlabel || this.shown.ylabel !== shown.ylabel) { this.show(shown); return; }

@@ -37,6 +37,7 @@ DIGESTS = "digests.json"
 PLACES = ("all", "interior", "border")
 STEPS = 12  # of the pressure between two free states
 NEWTON = 30
+MOST_LEVELS = 400  # of several actuations together, on a grid
 # Of the law's own size, where Newton is done; and the longest step, in the same unit as u (rad, or shares of the box).
 TOLERANCE = 1e-10
 LONGEST = 0.25
@@ -48,7 +49,7 @@ class LeftOutResiduals:
 
     Attributes:
         design: (m,) which design each state is of.
-        place: (m, 1 + a) p and u, scaled to [−1, 1] on the box of the predicted law.
+        place: (m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on the box of the predicted law.
         miss: (m, a) predicted minus true effort, N·m (N for a prismatic joint).
         tau: (m, a) the true effort.
         counts: (m, a) whether an axis' effort is scored: lateral axes only in states that move them.
@@ -158,7 +159,7 @@ def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, A
     free_miss, free_angle = free_misses(law, data)
     return {
         "design": np.full(len(p), index),
-        "place": scaled(box_of(law), p, u),
+        "place": scaled(law.domain.box, p, u),
         "miss": law.evaluate(p, u).tau - tau,
         "tau": tau,
         "counts": counts,
@@ -170,14 +171,9 @@ def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, A
     }
 
 
-def box_of(law: JointLaw) -> Array:
-    """(1 + a, 2) the law's own box."""
-    return np.vstack([law.domain.actuation, law.domain.deformation])
-
-
 def scaled(box: Array, actuation: Array, deformation: Array) -> Array:
-    """(m, 1 + a) p and u, scaled to [−1, 1] on a box."""
-    values = np.concatenate([np.asarray(actuation, float)[:, None], np.asarray(deformation, float)], axis=1)
+    """(m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on a box."""
+    values = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
     places: Array = (values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
     return places
 
@@ -189,13 +185,19 @@ def effort_size(law: JointLaw) -> Array:
 
 
 def axis_grids(law: JointLaw, n_p: int, n_u: int) -> list[tuple[Array, Array]]:
-    """For each axis, p (m,) and u (m, a) on a grid of the law's box over p and that axis, the other axes at rest."""
-    box, found = box_of(law), []
-    p, u = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, n_p), np.linspace(0, 1, n_u), indexing="ij"))
+    """For each axis, p (g,) and u (g, a) on a grid of the law's box over p and that axis, the other axes at rest.
+
+    Of m actuations p is (g, m), and has fewer levels where they would be too many.
+    """
+    box, m, found = law.domain.box, len(law.actuations), []
+    n_p = min(n_p, max(2, int(MOST_LEVELS ** (1 / m))))
+    ticks = [*[np.linspace(0, 1, n_p)] * m, np.linspace(0, 1, n_u)]
+    shares = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, m + 1)
+    p = box[:m, 0] + shares[:, :m] * np.ptp(box[:m], axis=1)
     for a in range(len(law.axes)):
         deformation = np.zeros((len(p), len(law.axes)))
-        deformation[:, a] = box[1 + a, 0] + u * np.ptp(box[1 + a])
-        found.append((box[0, 0] + p * np.ptp(box[0]), deformation))
+        deformation[:, a] = box[m + a, 0] + shares[:, m] * np.ptp(box[m + a])
+        found.append((p[:, 0] if m == 1 else p, deformation))
     return found
 
 
@@ -205,31 +207,50 @@ def free_misses(law: JointLaw, data: ModuleData) -> tuple[Array, Array]:
     NaN where the law has no equilibrium on the branch that starts at rest.
     """
     main = data.axes.index(data.main_axis)
-    rows = (data.branch == "free") & (data.actuation > 0) & np.isin(data.status, TRUSTED)
+    driven = np.any(data.actuation.reshape(len(data), -1) > 0, axis=1)
+    rows = (data.branch == "free") & driven & np.isin(data.status, TRUSTED)
     rows &= data.explored == data.main_axis
-    order = np.argsort(data.actuation[rows], kind="stable")
-    p, u = data.actuation[rows][order], data.deformation[rows][order]
+    p, u = data.actuation[rows], data.deformation[rows]
+    if p.ndim == 1:
+        order = np.argsort(p, kind="stable")
+        p, u = p[order], u[order]
     return free_branch(law, p)[:, main] - u[:, main], u[:, main]
 
 
 def free_branch(law: JointLaw, actuation: Array) -> Array:
-    """(n, a) equilibria without load at ascending actuations (n,), followed from rest; NaN from where there is none."""
-    found = np.full((len(actuation), len(law.axes)), np.nan)
-    u, before = np.zeros(len(law.axes)), 0.0
-    reach = LONGEST * np.ptp(law.domain.deformation, axis=1)
-    for index, target in enumerate(np.asarray(actuation, float)):
-        for p in np.linspace(before, target, STEPS + 1)[1:]:
-            reached = _newton(law, float(p), u, reach)
-            if reached is None:
-                return found
-            u = reached
-        found[index], before = u, float(target)
+    """(n, a) equilibria without load at ascending actuations (n,), followed from rest; NaN from where there is none.
+
+    Several actuations (n, m) have no order: each state is followed from rest by itself.
+    """
+    m, found = len(law.actuations), np.full((len(actuation), len(law.axes)), np.nan)
+    rest = np.zeros(m), np.zeros(len(law.axes))
+    before, u = rest
+    for index, target in enumerate(np.asarray(actuation, float).reshape(-1, m)):
+        if m > 1:
+            before, u = rest
+        reached = _followed(law, before, target, u)
+        if reached is not None:
+            before, u = target, reached
+            found[index] = u
+        elif m == 1:
+            break
     return found
 
 
-def _newton(law: JointLaw, p: float, start: Array, reach: Array) -> Array | None:
-    """The stable equilibrium near `start`, or None."""
-    u, at = start.copy(), np.array([p])
+def _followed(law: JointLaw, before: Array, target: Array, u: Array) -> Array | None:
+    """The equilibrium at `target` (m,), followed in steps from u, that at `before`; None where there is none."""
+    reach = LONGEST * np.ptp(law.domain.deformation, axis=1)
+    for levels in np.linspace(before, target, STEPS + 1)[1:]:
+        reached = _newton(law, levels if len(levels) == 1 else levels[None], u, reach)
+        if reached is None:
+            return None
+        u = reached
+    return u
+
+
+def _newton(law: JointLaw, at: Array, start: Array, reach: Array) -> Array | None:
+    """The stable equilibrium near `start` at one actuation (1,) or several (1, m), or None."""
+    u = start.copy()
     for _ in range(NEWTON):
         effort = law.evaluate(at, u[None])
         slope = effort.dtau_du[0]

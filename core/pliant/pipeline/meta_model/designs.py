@@ -20,10 +20,9 @@ from pliant.errors import UserError, closest
 from pliant.formatting import quantity
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import MaterialConfig
-from pliant.interfaces.meta_model import enough_to_score
+from pliant.interfaces.meta_model import MetaModel, enough_to_score
 from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import Workbench
-from pliant.records.actuation import names_of
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import Parameter, SolvedDesigns
@@ -163,17 +162,14 @@ def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
     """The designs of `meta_model.data`, else those of the study's sweep, which are solved first.
 
     Raises:
-        UserError: no designs at all, modules of several actuations, or designs that do not belong together; see
-            `assembled`.
+        UserError: no designs at all, several actuations where the kind has one, or designs that do not belong
+            together; see `assembled`.
     """
     config = study.need("meta_model", "a meta-model")
     family: FamilyConfig = study.need("family", "a meta-model")
     built: ActuatorFamily = bench.build("family", family)
-    if len(names_of(built.actuation)) > 1:  # before hours of FEM
-        raise UserError(
-            f"a meta-model takes modules of one actuation, and family '{family.kind}' is driven by {built.actuation}: "
-            "leave 'meta_model' out, and let 'surrogate' fit the law of each design."
-        )
+    model: MetaModel = bench.build("meta_model", config)
+    model.check_actuations(built.actuation)  # before hours of FEM
     if config.data is not None:
         found = from_table(config.data, family.kind)
     elif study.sweep is not None:
@@ -181,7 +177,7 @@ def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
         # before hours of FEM: not all of them may be possible, but there will not be more
         swept = planned[0].changes
         varied = [n for n in swept if len({repr(design.changes[n]) for design in planned}) > 1]
-        enough_to_score(len(planned), varied, bench.build("meta_model", config).fewest)
+        enough_to_score(len(planned), varied, model.fewest)
         found = from_sweep(sweep_study(bench, study))
     else:
         raise UserError(

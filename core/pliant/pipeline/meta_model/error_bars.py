@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, box_of, effort_size
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, effort_size
 from pliant.records.design import Array
 from pliant.records.error_bar import FLOOR, GROWTH, ErrorBar
 from pliant.records.law import JointLaw
@@ -47,7 +47,7 @@ class Bars:
         values: (n, d) designs, scaled to [0, 1].
         doubt: (n,) the model's, of each design without having seen it.
         design: (m,) of each state.
-        place: (m, 1 + a) p and u, scaled to [−1, 1] on the law's box.
+        place: (m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on the law's box.
         share: (m, a) |miss| as a share of the law's range of effort; NaN where an axis is not scored.
     """
 
@@ -86,7 +86,7 @@ class Bars:
             new = float(one.sizes_at(learnt.power, everyone, at, np.array([doubt]))[0])
             misses[:, a] = learnt.misses * new * size[a]
         scores = np.stack([learnt.scores for learnt in self._learnt], axis=1)
-        return ErrorBar(box_of(law), self.place, misses, self.weights, scores, _reach(self.place))
+        return ErrorBar(law.domain.box, self.place, misses, self.weights, scores, _reach(self.place))
 
     @cached_property
     def _axes(self) -> tuple[_Axis, ...]:

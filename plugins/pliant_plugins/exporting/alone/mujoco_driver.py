@@ -96,10 +96,10 @@ def settle(
 ) -> bool:
     """Move to the static equilibrium under the present `data.ctrl` and loads; whether it was reached.
 
-    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down; slides beside balls, which
-    are stiff, creep under their implicit damping h K. `tolerance` is the largest
-    unbalanced effort, N·m (N on prismatic joints). Stiff servos of an arm that the robot is mounted on need their own
-    short `step_s`.
+    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. Slides beside balls are
+    stiff: they keep their implicit damping, step times stiffness, and creep to their places. `tolerance` is the largest
+    unbalanced effort, N·m (N on slides). Stiff servos of an arm that the robot is mounted on need their own short
+    `step_s`.
     """
     usual_s, model.opt.timestep = model.opt.timestep, step_s
     before = 0.0

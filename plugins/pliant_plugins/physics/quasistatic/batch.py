@@ -110,10 +110,13 @@ class Batch:
             np.isfinite(one).all() for one in (*self._of_chain[5:], *self._of_actuator)
         )
 
-    def settled(self, options: NewtonOptions) -> list[Equilibrium | None]:
-        """Each chain from its straight state; None where the direct way found no equilibrium."""
+    def settled(
+        self, options: NewtonOptions, starts: Sequence[Array] | None = None
+    ) -> list[Equilibrium | None]:
+        """Each chain from its straight state, or from a given one; None where the direct way found no equilibrium."""
         start, count = time.perf_counter(), len(self.cases)
-        q = np.zeros((self._ends[-1], len(self._of_all[1])))
+        shape = self._ends[-1], len(self._of_all[1])
+        q = np.zeros(shape) if starts is None else np.concatenate(starts).reshape(shape)
         markers, found = np.empty((self._ends[-1] + 2 * count, 3)), np.empty((count, 5))
         packed = (
             self._of_all,
@@ -161,8 +164,14 @@ def settle_together(
     cases: Sequence[Case],
     laws_of: Callable[[ChainModel], PackedLaws | None],
     options: NewtonOptions,
+    starts: Sequence[Array] | None = None,
 ) -> dict[int, Equilibrium]:
-    """Equilibria of those cases that can be packed and that the direct way settles, by their place."""
+    """Equilibria of those cases that can be packed and that the direct way settles, by their place.
+
+    Args:
+        laws_of: the packed laws of a chain, or None.
+        starts: coordinates (n, a) that each begins with; by default the straight state.
+    """
     packs: dict[Form, list[tuple[int, PackedLaws]]] = {}
     for place, case in enumerate(cases):
         form = form_of(case)
@@ -172,8 +181,9 @@ def settle_together(
     settled: dict[int, Equilibrium] = {}
     for form, members in packs.items():
         batch = Batch([cases[place] for place, _ in members], form, [laws for _, laws in members])
+        begun = None if starts is None else [starts[place] for place, _ in members]
         if batch.sound:
-            found = zip(members, batch.settled(options), strict=True)
+            found = zip(members, batch.settled(options, begun), strict=True)
             settled |= {place: one for (place, _), one in found if one is not None}
     return settled
 

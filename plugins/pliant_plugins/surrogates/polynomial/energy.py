@@ -45,9 +45,9 @@ class EnergyBasis:
         return out
 
 
-def unit(k: int, *places: int) -> tuple[int, ...]:
-    """Orders of a derivative of a function of p and k deformations: place 0 is p, 1 … k the deformations."""
-    orders = np.zeros(1 + k, int)
+def unit(coordinates: int, *places: int) -> tuple[int, ...]:
+    """Orders of a derivative of a function of so many coordinates, once by each place: actuations come first."""
+    orders = np.zeros(coordinates, int)
     for place in places:
         orders[place] += 1
     return tuple(int(order) for order in orders)

@@ -269,7 +269,7 @@ class EnergyPolynomialLaw(JointLaw):
         k = u.shape[1]
         matrix = np.empty((len(u), k, k))
         for i, j in combinations_with_replacement(range(k), 2):
-            entry = self.basis.derivative(actuation, u, unit(k, 1 + i, 1 + j)) @ self.coefficients
+            entry = self.basis.derivative(actuation, u, unit(1 + k, 1 + i, 1 + j)) @ self.coefficients
             matrix[:, i, j] = matrix[:, j, i] = entry
         return matrix
 

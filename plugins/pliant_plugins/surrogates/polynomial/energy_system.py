@@ -93,18 +93,18 @@ class EnergySystem:
         data, k = self.data, len(self.ranges)
         p_scale, u_scale = self.actuation_map[1], self.deformation_map[:, 1]
         energy = float(np.max(self.ranges * u_scale))
-        wanted = [(unit(k, 1 + i), data.tau[:, i], -1 / self.ranges[i]) for i in range(k)]
+        wanted = [(unit(1 + k, 1 + i), data.tau[:, i], -1 / self.ranges[i]) for i in range(k)]
         for i in range(k):
             weight = -SLOPE_WEIGHT / self.ranges[i] * p_scale
-            wanted.append((unit(k, 0, 1 + i), data.dtau_dp[:, i], weight))
+            wanted.append((unit(1 + k, 0, 1 + i), data.dtau_dp[:, i], weight))
             for j in range(i, k):
                 shared = np.sqrt(u_scale[i] * u_scale[j] / (self.ranges[i] * self.ranges[j]))
-                wanted.append((unit(k, 1 + i, 1 + j), data.dtau_du[:, i, j], -SLOPE_WEIGHT * shared))
+                wanted.append((unit(1 + k, 1 + i, 1 + j), data.dtau_du[:, i, j], -SLOPE_WEIGHT * shared))
         if self.with_energy:
             held = np.where(self.known, data.energy_j - data.actuation * data.travel, np.nan)
             travel = np.where(self.known, data.travel, np.nan)
-            wanted.append((unit(k), -held, -ENERGY_WEIGHT / energy))
-            wanted.append((unit(k, 0), travel, -ENERGY_WEIGHT / energy * p_scale))
+            wanted.append((unit(1 + k), -held, -ENERGY_WEIGHT / energy))
+            wanted.append((unit(1 + k, 0), travel, -ENERGY_WEIGHT / energy * p_scale))
         basis, matrix, right, state = self.basis(terms), [], [], []
         for orders, value, weight in wanted:
             there = np.flatnonzero(np.isfinite(value))
@@ -206,6 +206,6 @@ def shape(system: EnergySystem, terms: Exponents, at: Array) -> Array:
     k, basis = len(system.ranges), system.basis(terms)
     found = np.empty((len(at), k))
     for i in range(k):
-        rows = basis.derivative(at[:, 0], at[:, 1:], unit(k, 1 + i)) / (system.ranges[i] * norms)
+        rows = basis.derivative(at[:, 0], at[:, 1:], unit(1 + k, 1 + i)) / (system.ranges[i] * norms)
         found[:, i] = np.sqrt(1 + np.sum(solve_triangular(root, rows.T, trans="T") ** 2, axis=0))
     return found

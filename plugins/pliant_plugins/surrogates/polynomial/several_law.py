@@ -9,12 +9,14 @@ whose effort and slopes are continuous.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.mechanics.law_draws import error_polynomials
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
@@ -33,7 +35,7 @@ class SeveralLaw(JointLaw):
     Attributes:
         exponents: (t, m + k) of each term.
         coefficients: (t,) in J.
-        maps: (m + k, 2) centre and half-width of each actuation and each deformation.
+        maps: (m + k, 2) centre and half-width of each actuation and each deformation: those of the domain.
         domain: the box of the data.
         error: its error bar.
     """
@@ -110,6 +112,23 @@ class SeveralLaw(JointLaw):
         rows = np.column_stack([lengths, of_u, table])
         return np.concatenate([header, self.maps.ravel(), of_a[order].ravel(), rows.ravel()]).astype(float)
 
+    def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
+        """Laws whose energy has the work of drawn errors (`mechanics.law_draws`) taken away; empty without an error."""
+        if self.error is None:
+            return ()
+        m, k = len(self.actuations), len(self.axes)
+        exponents, errors = error_polynomials(self, count, seed)
+        powers_of_u = exponents[:, m] + 1
+        terms = np.zeros((k, len(exponents), m + k), np.int64)
+        terms[:, :, :m] = exponents[:, :m]
+        terms[np.arange(k), :, m + np.arange(k)] = powers_of_u
+        work = -errors * self.maps[m:, 1, None] / powers_of_u
+        every = np.concatenate([self.exponents, *terms])
+        return tuple(
+            replace(self, exponents=every, coefficients=np.concatenate([self.coefficients, one.ravel()]))
+            for one in work
+        )
+
     def record(self) -> LawRecord:
         """Terms, coefficients, scales, domain and error bar."""
         arrays = {
@@ -151,3 +170,27 @@ def product(tables: list[tuple[Array, Array, Array]], orders: dict[int, int]) ->
     for d, table in enumerate(tables[1:], start=1):
         found = found * table[orders.get(d, 0)]
     return found
+
+
+def lower_terms(exponents: Exponents) -> Exponents:
+    """(t', d) all terms that divide some of (t, d), the constant left out: what another origin makes of them."""
+    every = {low for one in exponents for low in np.ndindex(*(one + 1))} - {(0,) * exponents.shape[1]}
+    return np.array(sorted(every, key=lambda one: (sum(one), one)), np.int64)
+
+
+def shifted(coefficients: Array, exponents: Exponents, lower: Exponents, maps: Array) -> Array:
+    """(t',) coefficients of `lower_terms` in y of a polynomial in x = centre + half · y; its constant is dropped.
+
+    Args:
+        coefficients: (t,) of the terms `exponents` (t, d) in x.
+        maps: (d, 2) centre and half of each coordinate.
+    """
+    found = np.ones((len(lower), len(exponents)))
+    for d, (centre, half) in enumerate(maps):
+        top = int(exponents[:, d].max())
+        table = np.zeros((top + 1, top + 1))
+        for e in range(top + 1):
+            table[: e + 1, e] = [math.comb(e, i) * half**i * centre ** (e - i) for i in range(e + 1)]
+        found *= table[np.ix_(lower[:, d], exponents[:, d])]
+    moved: Array = found @ coefficients
+    return moved
