@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import threading
 import time
@@ -194,7 +195,10 @@ def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> N
     desk.step(({"kind": "sensor_bias", "bias_rad": 1e-5},), [], "next to nothing")
     (said,) = desk.view()["model"]["warnings"]
     assert "unseen runs do not show that it is missing" in said
-    desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
+    desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "better, and far from enough")
+    (said,) = desk.view()["model"]["warnings"]
+    assert re.search(r"actuation_gain .* still [2-9]\.\d+ times the noise: .*'Diagnose'", said)
+    desk.step(({"kind": "actuation_gain", "gain": 1.25},), [], "right")
     assert not desk.view()["model"]["warnings"]
 
 

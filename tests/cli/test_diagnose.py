@@ -18,9 +18,16 @@ def bench(write, workplace):
     return write(STUDY)
 
 
-def test_the_missing_effect_is_named_and_written(pliant, bench, read) -> None:
+def test_the_missing_effect_is_named_and_written(pliant, bench, read, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW).done()
     assert "Missing: sensor_bias." in call.out
+    lines = call.out.splitlines()
+    end = next(k for k, line in enumerate(lines) if line.startswith("sensor_bias: bias"))
+    assert max(map(len, lines[: end + 1])) <= 80  # parameters stand below the table
+    assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]
+    assert "°" in lines[end] and "rad" not in lines[end]
+    assert lines[-1].split() == ["report", "runs/joint-diagnose/report.html"]
     found = read("out.json")
     assert (found["verdict"], found["selected"]) == ("missing_effect", ["sensor_bias"])
     assert sum(h["probability"] for h in found["hypotheses"]) == pytest.approx(1.0)

@@ -21,6 +21,7 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "unseen": (left,),
         "at_limit": (),
         "form_price": 0.0,
+        "squares": (),
     }
     return Row(**{field.name: values[field.name] for field in fields(Row)})  # type: ignore[arg-type]
 

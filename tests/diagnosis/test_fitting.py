@@ -195,6 +195,22 @@ def test_what_only_one_group_shows_is_nothing_without_it() -> None:
     )
 
 
+@pytest.mark.parametrize("felt", [0.0, 1e-3])
+def test_what_no_reading_feels_takes_no_prediction_away(felt: float) -> None:
+    """A shape that is idle (a second time constant that ended at zero): as without it, not as without the effects."""
+    fit, slopes, y, groups = linear(1)
+    plain = y.copy()
+    slopes[:, 2] *= felt
+    best = np.append(np.linalg.lstsq(slopes[:, :2], y, rcond=None)[0], 0.0)
+    fit = replace(fit, x=best, residual=y - slopes @ best, slopes=slopes)
+    left = heldout_residual(fit, groups, plain)
+    for group in range(6):
+        mine = groups == group
+        there = slopes[mine][:, :2] @ refit(slopes[~mine][:, :2], y[~mine])
+        np.testing.assert_allclose(left[mine], y[mine] - there, atol=10.0 * felt + 1e-10)
+    assert not np.allclose(left, plain)
+
+
 def test_one_group_alone_predicts_as_the_model_without_the_effect_and_nothing_has_nothing_to_leave() -> None:
     fit, _, y, groups = linear(2)
     np.testing.assert_allclose(heldout_residual(fit, np.zeros_like(groups)), y, atol=1e-10)

@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
-from tests.diagnosis.quick import BENCH, colour, effect, measurement_of, ramp
+from tests.diagnosis.quick import BENCH, REGISTRY, colour, effect, measurement_of, ramp
+from tests.report.pages import check_sound
+from tests.report.test_first_screen import LABELS, folded, labels_before_the_picture
 
 from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.improvement import _Walk, improve
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.test_split import lock
-from pliant.report.improvement import summary
+from pliant.report.figures import learning, style
+from pliant.report.improvement import improvement_document, summary
+from pliant.report.render import page
 
 FEW = ["stiffness", "viscoelastic", "sensor_bias", "mullins", "friction_hysteresis"]
 
@@ -57,6 +61,32 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
     assert share.value == pytest.approx(0.3, abs=4 * share.sd)
     assert "falls" in summary(found)
     assert found.final.effects == found.steps[-1].effects  # what was scored is what is reported
+
+
+@pytest.mark.slow
+def test_an_improvement_answers_them_and_its_reasons_are_text(creeping):
+    _, measurement, found = creeping
+    made = page(improvement_document("finger", measurement, found, REGISTRY))
+    assert labels_before_the_picture(made.html) == LABELS
+    assert folded(made.html)["Step by step"]
+    text = check_sound(made)
+    assert all(step.why in text for step in found.steps) and found.reason in text
+
+
+def test_the_picture_of_an_improvement_holds_labels_only(creeping, monkeypatch):
+    drawn_on = []
+
+    def kept(figure):
+        figure.canvas.draw()
+        drawn_on.append(figure)
+        return np.zeros(1, np.uint8)
+
+    monkeypatch.setattr(style, "png", kept)
+    learning.error_steps(creeping[2])
+    (figure,) = drawn_on
+    texts = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+    assert max(len(text.split()) for text in texts) <= 8
+    assert not any(step.why in text for step in creeping[2].steps for text in texts)
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ def test_a_hidden_function_of_pressure_is_recovered_within_its_band(of_pressure)
 
 
 def test_what_a_joint_remembers_is_learned_as_a_memory():
-    found = learned(joint(), measured(joint(), rich(), effect("viscoelastic")))
+    found = learned(joint(), measured(joint(), rich(1), effect("viscoelastic")))
     assert any(axis.has_memory for axis in found.form.axes)
     assert found.after < 0.75 * found.before
 
@@ -105,6 +105,7 @@ def test_it_says_nothing_where_it_has_no_data():
     np.testing.assert_allclose(with_it["angle_rad"][beyond], plain["angle_rad"][beyond], atol=1e-7)
 
 
+@pytest.mark.pixels
 def test_it_is_drawn_with_its_band_and_told_as_plain_data(of_pressure):
     section = learned_section(of_pressure)
     assert section.pictures[0].png.tobytes().startswith(b"\x89PNG") and "no cause" in section.text[0]
@@ -146,6 +147,7 @@ def test_improve_takes_it_as_its_last_step_and_scores_it_on_runs_put_aside(impro
     assert told["learned"]["rmse_over_floor"]["with"] < told["learned"]["rmse_over_floor"]["without"]
 
 
+@pytest.mark.slow
 def test_without_the_option_it_is_left_out(improved):
     _, loaded, measurement, _ = improved
     found = improve(BENCH, loaded, measurement, kinds=["sensor_bias"])

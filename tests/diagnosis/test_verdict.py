@@ -121,6 +121,22 @@ def test_a_rival_that_leaves_little_is_not_excluded_by_more_readings(n: float) -
     assert judge(much, THRESHOLDS, 2).selected == ("a",)
 
 
+@pytest.mark.parametrize("told", [0.3, 0.1, 0.03])
+def test_runs_in_which_two_rivals_do_the_same_do_not_lessen_what_another_run_tells(told: float) -> None:
+    """One condition shows a change that the rival alone makes; `told`: its share of all readings."""
+    of_condition = {(): (1.0, 9.0), ("a",): (1.0, 1.0), ("b",): (2.2, 1.0)}
+    shares = np.array([told, 1.0 - told])
+    rows = {
+        kinds: replace(row(kinds, float(shares @ square)), squares=tuple((shares * square).tolist()))
+        for kinds, square in of_condition.items()
+    }
+    pooled = replace(table({}, n=30.0 / told), rows=rows)  # 30 independent readings tell them apart
+    by_itself = 0.5 * 30.0 * np.log(1.0 + 1.2 / (1.0 + THRESHOLDS.excited**2))
+    kept = odds(replace(pooled, shares=tuple(shares.tolist())), ("a",), ("b",))
+    assert kept >= by_itself > 10.0
+    assert told > 0.1 or odds(pooled, ("a",), ("b",)) < by_itself
+
+
 def test_with_few_readings_a_rival_keeps_what_they_tell() -> None:
     t = table({(): 9.0, ("a",): 1.0, ("b",): 1.8}, n=20.0)
     assert odds(t, ("a",), ("b",)) < THRESHOLDS.rival_form * 0.1

@@ -67,17 +67,17 @@ def test_training_lowers_the_error_and_repeats(env: MeasuredEnv) -> None:
         "path_m": np.array([model.tip_m(np.array([one])) for one in shares]),
     }
 
-    def trained() -> Any:
-        policy = LinearResidual(env, NONE)
-        return train(policy, episodes, candidates=27, optimizer=Cmaes(CmaesConfig(kind="cmaes")), **options)
+    def trained(candidates: int) -> Any:
+        policy = LinearResidual(env, NONE, model)
+        optimizer = Cmaes(CmaesConfig(kind="cmaes"))
+        return train(policy, episodes, candidates=candidates, optimizer=optimizer, **options)
 
     def worst(policy: LinearResidual) -> float:
         return max(score(env, policy, range(k, k + 1), world=k, **options)[0] for k in range(3))
 
-    one, other = trained(), trained()
-    np.testing.assert_array_equal(one.errors_m, other.errors_m)
-    np.testing.assert_array_equal(one.policy.gains, other.policy.gains)
+    one, again = trained(27), trained(9)
+    np.testing.assert_array_equal(one.errors_m[:9], again.errors_m)
     # the first candidate is the policy as it was
-    assert one.errors_m[0] == pytest.approx(worst(LinearResidual(env, NONE)))
+    assert one.errors_m[0] == pytest.approx(worst(LinearResidual(env, NONE, model)))
     assert worst(one.policy) == pytest.approx(one.errors_m.min())
     assert one.errors_m.min() < 0.8 * one.errors_m[0]

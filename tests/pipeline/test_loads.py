@@ -17,7 +17,11 @@ from pliant.store.store import ArtifactStore
 STUDY = """\
 pliant: 1
 name: loaded
-surrogate: {kind: polynomial, form: study, coefficients: {k_n: 1.6e-6, m_a: -1.7e-6, m_e: 0.1, b_e: 0.0245}}
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.6e-6, m_a: -1.7e-6, m_e: 0.1, b_e: 0.0245}
 chain: {modules: 3, module_length: 20 mm, module_mass: 4 g, base: {direction: [1, 0, 0]}}
 effects: [{kind: stiffness, factor: 1.2}]
 """

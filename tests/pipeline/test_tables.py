@@ -106,7 +106,7 @@ names = st.from_regex(r"design_[a-z]{1,8}_m", fullmatch=True)
 parameters = st.dictionaries(names, st.one_of(finite, st.integers(-(10**6), 10**6)), max_size=4)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     states=st.lists(state, min_size=1, max_size=8),
     axis=st.sampled_from("xyz"),

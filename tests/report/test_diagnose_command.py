@@ -1,4 +1,4 @@
-"""`pliant diagnose` writes its page where it was told, and prints what fits a terminal."""
+"""`pliant diagnose` writes its page where it was told."""
 
 import json
 from pathlib import Path
@@ -43,13 +43,3 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(workplace):
     (workplace / "file").write_text("")
     done = run("--out", "file/inside")
     assert done.exit_code == 2 and "cannot be written" in done.stderr
-
-
-def test_the_table_fits_eighty_columns_and_parameters_stand_below_it(workplace):
-    done = run()
-    lines = done.stdout.splitlines()
-    end = next(k for k, line in enumerate(lines) if line.startswith("viscoelastic: share"))
-    assert max(map(len, lines[: end + 1])) <= 80
-    assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]
-    assert " s" in lines[end] and "rad" not in lines[end]
-    assert lines[-1].split() == ["report", "runs/hidden-effect-diagnose/report.html"]

@@ -5,14 +5,11 @@ import re
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from tests.diagnosis.quick import REGISTRY
-from tests.diagnosis.test_improve import creeping  # noqa: F401
 from tests.report.pages import check_sound
 from tests.report.test_comparison_page import bench, falling_shift, page_of
 
 from pliant.report.document import Document, Section, Table, Warned, answers, drawn
-from pliant.report.figures import learning, style
-from pliant.report.improvement import improvement_document
+from pliant.report.figures import style
 from pliant.report.render import page
 
 LABELS = ["How good", "What is missing", "How sure", "What next"]
@@ -36,32 +33,6 @@ def test_a_comparison_answers_four_questions_before_its_first_picture():
     sections = folded(made.html)
     assert sections["Where the error is"] and not sections["Numbers"]
     assert "falling pressure: 8" in check_sound(made).lower()
-
-
-@pytest.mark.slow
-def test_an_improvement_answers_them_and_its_reasons_are_text(creeping):  # noqa: F811
-    _, measurement, found = creeping
-    made = page(improvement_document("finger", measurement, found, REGISTRY))
-    assert labels_before_the_picture(made.html) == LABELS
-    assert folded(made.html)["Step by step"]
-    text = check_sound(made)
-    assert all(step.why in text for step in found.steps) and found.reason in text
-
-
-def test_the_picture_of_an_improvement_holds_labels_only(creeping, monkeypatch):  # noqa: F811
-    drawn_on = []
-
-    def kept(figure):
-        figure.canvas.draw()
-        drawn_on.append(figure)
-        return np.zeros(1, np.uint8)
-
-    monkeypatch.setattr(style, "png", kept)
-    learning.error_steps(creeping[2])
-    (figure,) = drawn_on
-    texts = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
-    assert max(len(text.split()) for text in texts) <= 8
-    assert not any(step.why in text for step in creeping[2].steps for text in texts)
 
 
 def test_sections_are_reached_from_the_navigation_and_opened_by_printing():

@@ -9,6 +9,8 @@ from tests.search import evaluation_bench as bench
 from pliant import api
 from pliant.records.law import Domain
 from pliant.search.evaluate.evaluator import Evaluator
+from pliant.search.problem.study_setter import changed
+from pliant.search.verify.direct_fem import default_fem
 from pliant.testing.samples import OpposedLaw
 from pliant.testing.solved_samples import free_angles
 
@@ -93,3 +95,12 @@ def test_the_search_finds_the_best_design_of_the_closed_form(opened):
     most = max(3 * abs(free_angle(h, t)) for h, t in grid)
     assert abs(best.metrics["bend_angle_rad"]) == pytest.approx(most, rel=0.01)
     assert best.values["family.wall"] == pytest.approx(1.5e-3, rel=0.02)
+
+
+def test_the_check_by_fem_is_as_wide_as_the_table_and_the_inputs(opened):
+    """One largest pressure for both chambers: the table's 40 kPa, or 5 % above what a task gives one of them."""
+    one, _ = opened
+    wider = changed(one.bench.registry, one.study, {"task.inputs.pressure_2_pa": 50e3})
+    assert default_fem(one.bench, [one.study]).pressure_max_pa == pytest.approx(TOP_PA)
+    fem = default_fem(one.bench, [one.study, wider])
+    assert fem.actuation_max("pressure_1_pa, pressure_2_pa") == pytest.approx([52.5e3, 52.5e3])

@@ -17,7 +17,7 @@ from pliant.app import work
 from pliant.app.folder import SessionFolder, key_of
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import PageState, PageStep
-from pliant.app.unseen_runs import doubts_by_hand
+from pliant.app.unseen_runs import doubts_by_hand, doubts_undiagnosed
 from pliant.diagnosis.noise import NoiseView
 from pliant.errors import PliantError
 from pliant.evidence.covariates import Covariate, covariates
@@ -53,6 +53,8 @@ def shown(
         warnings += _still_above(model, now, noise)
     if result is None:
         warnings += doubts_by_hand(model, now.effects, added, noise)
+    if not warnings and not of_study:
+        warnings += doubts_undiagnosed(model, now.effects, added, noise)
     return {
         "name": model.study.name,
         "source": model.measurement.source,

@@ -22,6 +22,8 @@ from pliant.interfaces.effect import EffectConfig
 
 # A rise on runs put aside by this share is said.
 RISE = 0.01
+# Times the noise on runs put aside: what leaves more does not explain it, or not alone.
+LEFT = 1.3
 
 
 def aside_gain(
@@ -64,6 +66,21 @@ def doubts_by_hand(model: OpenModel, effects: Effects, added: Sequence[str], noi
         rest = tuple(one for one in effects if one["kind"] != kind)
         said += doubts_aside(model, [kind], rest, effects, noise)
     return said
+
+
+def doubts_undiagnosed(
+    model: OpenModel, effects: Effects, added: Sequence[str], noise: NoiseView
+) -> list[str]:
+    """Of effects that no diagnosis has compared with the others, where much of the error is left on unseen runs."""
+    if not added or not noise.judged:
+        return []
+    left = model.errors(model.predicted(effects), noise).aside
+    if left is None or left <= LEFT:
+        return []
+    return [
+        f"With {listed(added)} the error on the runs put aside is still {left:.2f} times the noise: something else "
+        "is missing, beside it or in its place. 'Diagnose' on the model without it compares all effects."
+    ]
 
 
 def doubts_of_fit(

@@ -29,6 +29,7 @@ class Row:
         mean_square: S, the mean squared residual in units of the floor's square.
         heldout_square: the same with each run left out of its own fit.
         unseen_square: the same with each condition left out, all its repeats together.
+        squares: what each condition adds to S; empty where there is one.
         unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
         at_limit: names of parameters that ended on a bound.
         form_price: log-odds that forms cost which vary; 0 for the plain ones.
@@ -42,15 +43,17 @@ class Row:
     unseen: tuple[float, ...]
     at_limit: tuple[str, ...]
     form_price: float = 0.0
+    squares: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class EvidenceTable:
-    """All rows, and the noise that they are weighed against."""
+    """All rows, and the noise that they are weighed against; `shares`: of each condition in all readings."""
 
     rows: Mapping[Kinds, Row]
     noise: NoiseView
     n_readings: int
+    shares: tuple[float, ...] = ()
 
     @property
     def nothing(self) -> Row:
@@ -155,7 +158,8 @@ def _pay_rivals(
 
     With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above
     the noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival
-    right with a form of its own, the best one would have to meet it by chance as closely as it does.
+    right with a form of its own, the best one would have to meet it by chance as closely as it does. What one condition
+    shows by itself counts whatever else was measured (`_due_to_one`): runs in which both do the same make x small.
     """
     for size in {len(kinds) for kinds in found} - {0}:
         rivals = [
@@ -174,10 +178,42 @@ def _pay_rivals(
             allowed = _allowance(table, kinds, thresholds)
             lost = 0.5 * n * np.log((mine + allowed) / (top + allowed))
             if explained > 0.0:
+                rows = [table.rows[key] for key in (kinds, best, shared)]
+                due = max(
+                    thresholds.rival_form * (mine - top) / explained,
+                    _due_to_one(table.shares, rows, n, allowed, thresholds),
+                )
                 chance = COINCIDENCE * np.log(
                     _above(table, mine, n, thresholds) / _above(table, top, n, thresholds)
                 )
-                found[kinds] += max(lost - thresholds.rival_form * (mine - top) / explained - chance, 0.0)
+                found[kinds] += max(lost - due - chance, 0.0)
+
+
+def _due_to_one(
+    shares: Sequence[float], rows: Sequence[Row], n: float, allowed: float, thresholds: EvidenceThresholds
+) -> float:
+    """What a rival would lose at most, were one condition all that was measured: the condition that shows most.
+
+    Args:
+        shares: of each condition in all readings.
+        rows: the rival, the best one, and what both have in common.
+        n, allowed, thresholds: as for all readings.
+    """
+    if not shares or not all(row.squares for row in rows):
+        return 0.0
+    part = np.array(shares)
+    mine, top, without = (np.array(row.squares) / part for row in rows)
+    more = mine - top
+    # where the best one does nothing, the rival's own change is what it could have left
+    changed = np.maximum(without - top, more) + thresholds.excited**2
+    lost = (
+        0.5
+        * n
+        * part
+        * np.log((np.maximum(mine, LEAST_SQUARE) + allowed) / (np.maximum(top, LEAST_SQUARE) + allowed))
+    )
+    due = np.minimum(lost, thresholds.rival_form * more / changed)
+    return float(np.max(due, initial=0.0, where=np.isfinite(due)))
 
 
 def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:

@@ -377,21 +377,32 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     low, high = fit.candidate.limits()
     pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
     prior = np.diag(pull)
-    # a form that the other readings do not know is the plain one, which is known
-    forms = np.diag([parameter.pull * parameter.is_form for parameter in fit.candidate.parameters])
     whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
+    spared = _spared(whole, pull, np.array([parameter.is_form for parameter in fit.candidate.parameters]))
     left = fit.residual.copy()
     order = np.argsort(groups, kind="stable")
     for mine in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
         slopes, residual = fit.slopes[mine], fit.residual[mine]
         normal = whole - slopes.T @ slopes
-        known = np.linalg.solve(whole + prior, normal + forms)
+        known = np.linalg.solve(whole + prior, normal + spared)
         if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
             left[mine] = plain[mine]
             continue
         right = pulled - slopes.T @ residual - pull * fit.x
         left[mine] -= slopes @ _bounded(normal + prior, right, low - fit.x, high - fit.x)
     return left
+
+
+def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:
+    """(k, k) the prior's weights of what nobody misses: forms, which are plain where they are not known, and directions
+    of which all readings together know less than the prior, such as a second time constant that ended at zero.
+    """
+    scale = np.sqrt(pull)
+    known, directions = np.linalg.eigh(whole / np.outer(scale, scale))
+    idle = directions[:, known < 1.0]
+    rest = np.eye(len(pull)) - idle @ idle.T
+    spared = idle @ idle.T + (rest * forms) @ rest
+    return np.asarray(spared * np.outer(scale, scale), float)
 
 
 # A run by itself is left out in blocks: so many, dealt out to so many folds.

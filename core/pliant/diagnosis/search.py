@@ -182,7 +182,9 @@ class HypothesisSearch:
     def table(self) -> EvidenceTable:
         """The rows so far, against the noise that the best of them leaves."""
         best = min(self.rows.values(), key=lambda row: row.mean_square)
-        return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings))
+        count = np.bincount(self.condition[self.readings.run])
+        shares = tuple((count[count > 0] / len(self.readings)).tolist())
+        return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings), shares)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Noise as the residuals of a fit show it."""
@@ -362,7 +364,9 @@ def _row(
     of_reading = condition[readings.run]
     left = heldout_residual(fit, readings.fold, plain)
     unseen = heldout_residual(fit, of_reading, np.full_like(plain, np.nan))
-    several = len(np.unique(of_reading)) > 1
+    present = np.unique(of_reading)
+    several = len(present) > 1
+    by_condition = np.bincount(of_reading, weights=fit.residual**2)[present] / len(plain)
     known = np.where(np.isnan(unseen), plain, unseen) if several else left
     return Row(
         kinds=kinds,
@@ -373,4 +377,5 @@ def _row(
         unseen_square=float(np.mean(known**2)),
         unseen=tuple(np.bincount(of_reading, weights=unseen**2)) if several else (),
         at_limit=at_limit(fit),
+        squares=tuple(by_condition.tolist()) if several else (),
     )

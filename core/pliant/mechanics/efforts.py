@@ -23,6 +23,8 @@ from pliant.records.rollout import OutsideDomain
 
 # Excesses below this are rounding, not extrapolation.
 DOMAIN_ROUNDING = 1e-9
+# Of the work of law terms along a path.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,11 +122,38 @@ class JointEfforts:
         if not self.terms.terms:
             values = self.values(actuation)
             return float(
-                sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups)
+                sum(
+                    group.law.potential(*self._stack(group, q[group.joints], values)).sum()
+                    for group in self._groups
+                )
             )
-        nodes, weights = np.polynomial.legendre.leggauss(12)
-        taus = [self.evaluate(0.5 * (node + 1) * q, actuation, memory).tau for node in nodes]
-        return -float(sum(0.5 * w * np.sum(tau * q) for w, tau in zip(weights, taus, strict=True)))
+        taus = self._efforts_at(
+            0.5 * (NODES[:, None, None] + 1.0) * q, actuation, memory or self.terms.rested()
+        )
+        return -float(0.5 * np.einsum("s,sna,na->", WEIGHTS, taus, q))
+
+    def _efforts_at(self, points: Array, actuation: Mapping[str, float], memory: TermMemory) -> Array:
+        """τ (s, n, a) at several coordinates (s, n, a) with terms, without slopes; laws are called once for all."""
+        values = self.values(actuation)
+        net, none = self._net(values), np.zeros_like(values)
+        now = [self.terms.contribution(q, net, memory) for q in points]
+        rest, elastic, driven, moment = (
+            np.array([getattr(one, name) for one in now])
+            for name in ("rest", "elastic", "actuation", "moment")
+        )
+        driven *= self._taus(points, values) - self._taus(points, none)
+        return np.asarray(elastic * self._taus(points - rest, none) + driven + moment)
+
+    def _taus(self, points: Array, values: Array) -> Array:
+        """(s, n, a) what the laws alone give at several coordinates (s, n, a)."""
+        tau = np.empty_like(points)
+        for group in self._groups:
+            rows = points[:, group.joints].reshape(-1, self.shape[1])
+            own, turns = group.law.evaluate(*self._stack(group, rows, values)).tau, self._turns[group.drives]
+            if not group.whole:
+                own = np.einsum("kab,knb->na", turns, own.reshape(len(turns), *rows.shape))
+            tau[:, group.joints] = own.reshape(len(points), -1, self.shape[1])
+        return tau
 
     def _net(self, values: Array) -> Array:
         """(n,) the sum of the signed inputs that act on each joint, which law terms see."""
@@ -140,7 +169,7 @@ class JointEfforts:
         tau, dtau_du = np.zeros((n, a)), np.zeros((n, a, a))
         dtau_dp = {actuator.input: np.zeros((n, a)) for actuator in self.actuators}
         for group in self._groups:
-            pressures, deformations = self._stack(group, q, values)
+            pressures, deformations = self._stack(group, q[group.joints], values)
             effort = group.law.evaluate(pressures, deformations)
             actuators = self.actuators[group.drives]
             if group.whole:
@@ -190,7 +219,7 @@ class JointEfforts:
         actuators = self.actuators[group.drives]
         if group.whole:
             inputs = tuple(actuator.input for actuator in actuators)
-            yield (*inputs, *names), group.law.domain.excess(*self._stack(group, q, values))
+            yield (*inputs, *names), group.law.domain.excess(*self._stack(group, q[group.joints], values))
             return
         known = zip(actuators, values[group.drives], self._turns[group.drives], strict=True)
         for actuator, value, turn in known:
@@ -199,15 +228,15 @@ class JointEfforts:
                 excess[:, 1:] *= np.diag(turn)
             yield (actuator.input, *names), excess
 
-    def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
-        """Actuation and deformation of a group's m joints as its law takes them.
+    def _stack(self, group: _LawGroup, joints: Array, values: Array) -> tuple[Array, Array]:
+        """Actuation and deformation of a group's joints (m, a) as its law takes them.
 
         (k·m,) and (k·m, a) under k actuators in turn; (m, k) and (m, a) of a law that takes them at once.
         """
-        joints, acting = q[group.joints], values[group.drives]
+        acting = values[group.drives]
         if group.whole:
             return np.tile(acting, (len(joints), 1)), joints
-        return np.repeat(acting, len(joints)), (joints @ self._turns[group.drives]).reshape(-1, q.shape[1])
+        return np.repeat(acting, len(joints)), (joints @ self._turns[group.drives]).reshape(-1, self.shape[1])
 
 
 def _deformation_names(law: JointLaw) -> tuple[str, ...]:

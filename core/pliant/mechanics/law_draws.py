@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+import scipy  # scipy.stats only where laws of several actuations are drawn
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
+from pliant.errors import UserError
 from pliant.mechanics.law_around import LawAround
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
@@ -17,6 +20,8 @@ TERMS = (3, 4)
 DECAY = 0.5
 # The error bar's own shape is resolved by as many nodes.
 NODES = 9
+# Of several actuations: degrees of a drawn function and of its product with the error bar, places where that is taken.
+SEVERAL, PLACES = (3, 4), 512
 ONE_SIGMA = 2 * NormalDist().cdf(1.0) - 1
 
 
@@ -45,13 +50,53 @@ def error_tables(law: JointLaw, count: int, seed: int) -> Array:
     return tables
 
 
+def error_polynomials(law: JointLaw, count: int, seed: int) -> tuple[NDArray[np.int64], Array]:
+    """Drawn errors of a law of m actuations: exponents (t, m + 1) and coefficients (count, a, t), N·m.
+
+    Of each axis a polynomial in its scaled (p, u_a) instead of a table, which would have too many nodes: s_a g as in
+    `error_tables`, g a random series of total degree 3, the product fitted by degree 4 at places that fill the box.
+
+    Raises:
+        ValueError: the law states no error, or its domain has no limits.
+    """
+    box, m = law.domain.box, len(law.actuations)
+    if law.error is None or not np.all(np.isfinite(box)):
+        raise ValueError("the law states no error bar over a bounded domain")
+    random = np.random.default_rng(seed)
+    y = 2 * scipy.stats.qmc.Sobol(m + 1, scramble=False).random(PLACES) - 1
+    exponents = np.array(
+        [e for e in np.ndindex(*[SEVERAL[1] + 1] * (m + 1)) if sum(e) <= SEVERAL[1]], np.int64
+    )
+    to_polynomial = np.linalg.pinv(np.prod(y[:, None, :] ** exponents, axis=2))
+    low = exponents[exponents.sum(axis=1) <= SEVERAL[0]]
+    table = chebyshev.chebvander(y, SEVERAL[0])
+    series = np.prod([table[:, d][:, low[:, d]] for d in range(m + 1)], axis=0) * DECAY ** low.sum(axis=1)
+    series /= np.sqrt(np.mean(np.sum(series**2, axis=1)))
+    centre, half = box.mean(axis=1), np.ptp(box, axis=1) / 2
+    found = np.empty((count, len(law.axes), len(exponents)))
+    for a in range(len(law.axes)):
+        deformation = np.tile(centre[m:], (PLACES, 1))
+        deformation[:, a] += half[m + a] * y[:, m]
+        band = law.band(centre[:m] + half[:m] * y[:, :m], deformation, ONE_SIGMA)
+        assert band is not None
+        drawn = series @ random.standard_normal((len(low), count))
+        found[:, a] = (to_polynomial @ (band[:, a, None] * drawn)).T
+    return exponents, found
+
+
 def draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
     """The law's own draws, or the law with drawn errors added.
 
     Raises:
         ValueError: as `error_tables`.
+        UserError: a law of several actuations without draws of its own.
     """
     own = law.draws(count, seed)
+    if not own and len(law.actuations) > 1:
+        raise UserError(
+            f"laws of {law.actuation_name} can be drawn from their error bars where they are polynomials: use "
+            "surrogate.kind 'polynomial' or meta_model.kind 'regression', or leave the uncertainty out."
+        )
     return own or tuple(DrawnLaw(law, table) for table in error_tables(law, count, seed))
 
 

@@ -151,7 +151,7 @@ def design_learning(
         shares = {}
         for i in test:
             law = laws.law(designs.values[i])
-            everywhere = np.tile([-np.inf, np.inf], (1 + len(law.axes), 1))
+            everywhere = np.tile([-np.inf, np.inf], (len(law.domain.box), 1))
             shares[i] = Residuals.of_law(designs.data[i], law, inside=everywhere).share
 
         def scores(rows: NDArray[np.int64]) -> dict[str, float] | None:

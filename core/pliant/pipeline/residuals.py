@@ -52,7 +52,7 @@ class Residuals:
         every: bool = False,
         ranges: Array | None = None,
     ) -> Residuals:
-        """Misses of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (1 + k, 2).
+        """Misses of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (m + k, 2).
 
         With `every`, each state tells of all axes whose effort it knows, of those that follow freely too; `ranges`
         (k,) stand for those of the data.
@@ -96,7 +96,7 @@ class Residuals:
         inside: Array | None = None,
     ) -> Residuals:
         """Misses of a law at trusted states inside its domain, or another box."""
-        box = np.vstack([law.domain.actuation, law.domain.deformation]) if inside is None else inside
+        box = law.domain.box if inside is None else inside
         return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
 
     def rows(self, keep: NDArray[np.bool_]) -> Residuals:

@@ -14,13 +14,13 @@ from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.meta_model.designs import solved_designs
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench
-from pliant.records.fem import PASSED, TOUCHING
+from pliant.records.actuation import ActuationKind, kind_of, names_of
+from pliant.records.fem import PASSED, TOUCHING, ModuleData
 from pliant.registry.discovery import Registry
 from pliant.search.problem.study_setter import changed
 
 DEFAULT_FEM = "skfem"
 MARGIN = 1.05  # of the task's own actuation: a law is not used at the very end of its data
-LIMITS = {"pressure_pa": "pressure_max_pa", "tendon_force_n": "tendon_force_max_n"}
 
 
 def check_verifiable(study: Study, registry: Registry | None = None) -> None:
@@ -93,10 +93,6 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     """
     family: ActuatorFamily = bench.build("family", studies[0].need("family", "FEM"))
     data = solved_designs(bench, studies[0]).designs.data
-    most = max(
-        *(float(one.actuation.max()) for one in data),
-        *(_driven(study, family.actuation) for study in studies),
-    )
     lateral = [  # in the states that explore these axes
         float(np.abs(one.deformation[one.explored == axis, k]).max())
         for one in data
@@ -108,7 +104,7 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     block = {
         "kind": DEFAULT_FEM,
         "self_contact": (*seen, "end")[0],
-        LIMITS[family.actuation]: most,
+        **_limits(family.actuation, data, studies),
     }
     if lateral:
         block["lateral_angle_rad"] = max(lateral)
@@ -117,10 +113,26 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     return config
 
 
-def _driven(study: Study, actuation: str) -> float:
-    """The largest actuation that the task gives a module, noise and margin included."""
+def _limits(actuation: str, data: Sequence[ModuleData], studies: Sequence[Study]) -> dict[str, Any]:
+    """Keys of an FEM block that bound each input: by its kind's own key where it has one."""
+    found: dict[str, Any] = {}
+    for column, name in enumerate(names_of(actuation)):
+        kind = kind_of(name)
+        solved = (float(one.actuation.reshape(len(one), -1)[:, column].max()) for one in data)
+        most = max(*solved, *(_driven(study, kind) for study in studies))
+        if kind.limit:
+            found[kind.limit] = max(most, found.get(kind.limit, 0.0))
+        else:
+            found.setdefault("limits", {})[name] = most
+    return found
+
+
+def _driven(study: Study, kind: ActuationKind) -> float:
+    """The largest actuation of a kind that the task gives a module, noise and margin included."""
     task = study.noisy_task()
-    full = abs(float(getattr(task, actuation, None) or 0.0))
-    noise = float(getattr(getattr(task, "noise", None), actuation, 0.0))
+    own = [float(getattr(task, kind.name, None) or 0.0)]
+    own += [level for name, level in (getattr(task, "inputs", None) or {}).items() if kind.matches(name)]
+    full = max(abs(level) for level in own)
+    noise = float(getattr(getattr(task, "noise", None), kind.name, 0.0))
     segments = study.chain.as_segments() if study.chain is not None else ()
     return MARGIN * (full + noise) * max((segment.actuation_share for segment in segments), default=1.0)

@@ -10,12 +10,13 @@ whose effort and slopes are continuous.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.mechanics.law_draws import error_polynomials
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
@@ -34,7 +35,7 @@ class SeveralLaw(JointLaw):
     Attributes:
         exponents: (t, m + k) of each term.
         coefficients: (t,) in J.
-        maps: (m + k, 2) centre and half-width of each actuation and each deformation.
+        maps: (m + k, 2) centre and half-width of each actuation and each deformation: those of the domain.
         domain: the box of the data.
         error: its error bar.
     """
@@ -110,6 +111,23 @@ class SeveralLaw(JointLaw):
         header = [m, k, len(of_a), len(of_u), *highest]
         rows = np.column_stack([lengths, of_u, table])
         return np.concatenate([header, self.maps.ravel(), of_a[order].ravel(), rows.ravel()]).astype(float)
+
+    def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
+        """Laws whose energy has the work of drawn errors (`mechanics.law_draws`) taken away; empty without an error."""
+        if self.error is None:
+            return ()
+        m, k = len(self.actuations), len(self.axes)
+        exponents, errors = error_polynomials(self, count, seed)
+        powers_of_u = exponents[:, m] + 1
+        terms = np.zeros((k, len(exponents), m + k), np.int64)
+        terms[:, :, :m] = exponents[:, :m]
+        terms[np.arange(k), :, m + np.arange(k)] = powers_of_u
+        work = -errors * self.maps[m:, 1, None] / powers_of_u
+        every = np.concatenate([self.exponents, *terms])
+        return tuple(
+            replace(self, exponents=every, coefficients=np.concatenate([self.coefficients, one.ravel()]))
+            for one in work
+        )
 
     def record(self) -> LawRecord:
         """Terms, coefficients, scales, domain and error bar."""
