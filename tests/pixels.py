@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,17 +12,18 @@ import pytest
 from PIL import Image
 
 # Rooms that look at pictures, and the marks of the fast suite.
-ROOMS, FAST = ("report", "viewing"), "not slow"
+ROOMS, FAST = ("report", "counts", "viewing"), "not slow"
 
 
 @contextmanager
 def as_needed(item: pytest.Item) -> Iterator[None]:
     """Empty pictures while a test runs that is not about them; all pictures are drawn where slow tests run too."""
-    style, rendering = (sys.modules.get(f"pliant.report.figures.{name}") for name in ("style", "rendering"))
     room = item.path.relative_to(item.config.rootpath).parts[1]
-    if style is None or rendering is None or room in ROOMS or item.config.option.markexpr != FAST:
+    if room in ROOMS or item.get_closest_marker("pixels") or item.config.option.markexpr != FAST:
         yield
         return
+    from pliant.report.figures import rendering, style  # matplotlib takes a second to import
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style, "png", lambda figure: _empty())
         patch.setattr(

@@ -117,7 +117,7 @@ class PageUser:
         self.page.click("#improve")
         self.until(
             f"version > {before} && document.querySelector('#job').hidden && "
-            "(view.model.steps.some(s => s.words === 'improved') || !document.querySelector('#said').hidden)"
+            "(view.model.steps.some(s => s.words.startsWith('improved')) || !document.querySelector('#said').hidden)"
         )
         self.settled()
 

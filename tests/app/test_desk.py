@@ -202,6 +202,10 @@ def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> N
     assert not desk.view()["model"]["warnings"]
 
 
+def test_a_fit_that_explains_little_is_said_without_a_diagnosis(desk: Desk) -> None:
+    assert any("still" in one and "'Diagnose'" in one for one in _fitted(desk, "sensor_bias")["warnings"])
+
+
 def test_copying_changes_no_saved_study(desk: Desk) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
     saved = Path(desk.save()["path"])

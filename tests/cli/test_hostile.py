@@ -83,6 +83,7 @@ def test_a_name_is_shown_as_it_is_everywhere(bench, pliant, names):
     assert len(list(Path("out/pictures").glob("*.png"))) > 0
 
 
+@pytest.mark.pixels
 def test_a_picture_shows_dollars_and_its_own_symbols():
     with style.canvas(400, 300) as figure:
         axes = figure.subplots()

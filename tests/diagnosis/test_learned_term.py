@@ -105,6 +105,7 @@ def test_it_says_nothing_where_it_has_no_data():
     np.testing.assert_allclose(with_it["angle_rad"][beyond], plain["angle_rad"][beyond], atol=1e-7)
 
 
+@pytest.mark.pixels
 def test_it_is_drawn_with_its_band_and_told_as_plain_data(of_pressure):
     section = learned_section(of_pressure)
     assert section.pictures[0].png.tobytes().startswith(b"\x89PNG") and "no cause" in section.text[0]

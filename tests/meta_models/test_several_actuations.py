@@ -136,3 +136,48 @@ def test_one_state_knows_the_slopes_by_each_pressure(opposed) -> None:
     law = form.law(designs.values[4], targets[4])
     assert isinstance(law, SeveralLaw) and isinstance(law.domain, Domain)
     assert worst_of_range(law, opposed_sample_law(designs.values[4])) < 5e-3
+
+
+def three_chambers(values: np.ndarray) -> SeveralLaw:
+    """Three pressures 120° apart bend about y and z and twist about x: Π of total degree 3, each number ∝ a power."""
+    r, t = values[0] / 7.5e-3, values[1] / 1.5e-3
+    terms: dict[tuple[int, ...], float] = {}
+    for j in range(3):
+        by = np.eye(3, dtype=int)[j]
+        for axis, share in ((1, np.cos(2 * np.pi * j / 3)), (2, np.sin(2 * np.pi * j / 3))):
+            turned = np.eye(3, dtype=int)[axis]
+            terms[(*by, *turned)] = -0.01 * r**3 * share
+            terms[(*by, *(2 * turned))] = 0.003 * r * t
+    terms |= {(0, 0, 0, 2, 0, 0): 0.01 * t, (0, 0, 0, 0, 2, 0): 0.01 * t**2, (0, 0, 0, 0, 0, 2): 0.01 * t**2}
+    terms |= {(1, 0, 0, 1, 1, 0): 0.001 * r, (0, 0, 0, 0, 2, 2): 0.002 * t / r}
+    box = Domain(np.tile([0.0, PRESSURE_PA], (3, 1)), np.tile([-0.5, 0.5], (3, 1)))
+    maps = np.vstack([np.tile([0.0, PRESSURE_PA], (3, 1)), np.tile([0.0, 0.5], (3, 1))])
+    names = "pressure_1_pa, pressure_2_pa, pressure_3_pa"
+    return SeveralLaw(
+        np.array(list(terms)), np.array(list(terms.values())), maps, box, names, ("x", "y", "z"), "spherical"
+    )
+
+
+def test_three_pressures_turn_three_axes(opposed) -> None:
+    random = np.random.default_rng(12)
+    places = random.random((70, 6))
+    p, u = PRESSURE_PA * places[:, :3], places[:, 3:] - 0.5
+    first, data = opposed[0].data[0], []
+    values = opposed[0].values[::2]
+    for row in values:
+        law, n = three_chambers(row), len(p)
+        effort = law.evaluate(p, u)
+        words = {"branch": "constrained", "status": "ok", "role": "fit", "explored": "coupling"}
+        columns = {name: np.full(n, word) for name, word in words.items()}
+        numbers = {name: np.full(n, 0.0) for name in ("energy_j", "wall_s", "iterations")}
+        slopes = {"dtau_dp": effort.dtau_dp, "dtau_du": effort.dtau_du, "travel": np.full((n, 3), np.nan)}
+        own = {"joint": "spherical", "axes": law.axes, "actuation_name": law.actuation_name}
+        states = {"actuation": p, "deformation": u, "tau": effort.tau}
+        data.append(replace(first, **own, **states, **slopes, **columns, **numbers))
+    designs = replace(opposed[0], values=values, data=tuple(data))
+    form, targets = fit_common_form(designs)
+    for row, own_targets in zip(values[:4], targets[:4], strict=True):
+        law, truth = form.law(row, own_targets), three_chambers(row)
+        wanted = truth.evaluate(p, 0.8 * u).tau
+        assert np.abs(law.evaluate(p, 0.8 * u).tau - wanted).max() < 5e-3 * np.ptp(wanted)
+        assert np.linalg.eigvalsh(law.evaluate(p, u).dtau_du).max() < 0

@@ -45,6 +45,7 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.pixels
 def test_a_study_becomes_a_page(study: Path, tmp_path: Path) -> None:
     out, result = tmp_path / "run", tmp_path / "result.json"
     words = ["run", str(study), "--out", str(out), "--json", str(result), "--store", str(tmp_path / "store")]

@@ -297,6 +297,8 @@ class Desk:
             if all(run.name in aside or run.name in named for run in model.measurement.runs):
                 raise UserError("one run at least must stay on that is not put aside.")
             changed = named != self.state.now.off
+            if any(one.result for one in self.state.steps[self.state.cursor + 1 :]):
+                self.said.append("Undone steps are gone from the list; the same fit is there again at once.")
             step = PageStep(
                 words[:120] or "by hand", plain, named, "" if changed else result, self.state.data
             )
@@ -554,7 +556,8 @@ class Desk:
         if what == "diagnose":
             self._keep(self.state)
             return
-        words = {"fit": f"fitted {listed(found['kinds'])}", "improve": "improved"}[what]
+        named = listed(found["kinds"])
+        words = {"fit": f"fitted {named}", "improve": f"improved: {named}" if named else "improved"}[what]
         step = PageStep(words, as_effects(found["effects"]), began.off, key, began.data)
         if what == "improve" and not found["kinds"]:
             self.said.append(str(found["sentence"]))

@@ -27,7 +27,7 @@ from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.protocol_file import write_protocol
-from pliant.formatting import whole_percent
+from pliant.formatting import display_unit, whole_percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.files import sources_of
 from pliant.registry.discovery import discover
@@ -291,7 +291,7 @@ def _estimates(found: Extension) -> list[dict[str, Any]]:
             "sd": one.sd,
             "low": one.low,
             "high": one.high,
-            "words": one.words,
+            "words": one.told(display_unit(one.unit)),
             "doubts": list(one.doubts),
         }
         for one in found.uncertainty.estimates

@@ -95,13 +95,17 @@ class Estimate:
     @property
     def words(self) -> str:
         """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be said of it."""
-        low, high = number(self.low, 3), number(self.high, 3)
+        return self.told(Unit(self.unit))
+
+    def told(self, unit: Unit) -> str:
+        """The same in another unit."""
+        low, high = number(unit.factor * self.low, 3), number(unit.factor * self.high, 3)
         between = f"between {low} and {high}"
         if self.open_low or self.open_high:
             between = f"below {high}" if self.open_low else f"above {low}"
         if self.open_low and self.open_high:
             between = "anywhere within its bounds"
-        return ", ".join([with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {between}", *self.remarks])
+        return ", ".join([with_sd(self.value, self.sd, unit), f"90 % {between}", *self.remarks])
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -96,11 +96,11 @@ class Tracer:
             ) from error
         return [[self.step(value) for value in self.cells[name].ravel()] for name in shapes]
 
-    def work(self, size: int) -> Cells:
+    def work(self, size: int | tuple[int, ...]) -> Cells:
         """An array of the function's own, to be filled."""
-        name = f"work {len(self.cells)}"
-        self.cells[name] = np.zeros(size, object)
-        return Cells(name, (size,))
+        name, shape = f"work {len(self.cells)}", (size,) if isinstance(size, int) else size
+        self.cells[name] = np.zeros(shape, object)
+        return Cells(name, shape)
 
     def step(self, value: Any) -> int:
         """The step of a number or symbol."""
@@ -326,7 +326,7 @@ class _Frame:
         match function:
             case ast.Attribute(ast.Name("math"), name):
                 known = getattr(math, name)
-            case ast.Attribute(ast.Name("np"), "empty") if isinstance(arguments[0], int):
+            case ast.Attribute(ast.Name("np"), "empty") if isinstance(arguments[0], int | tuple):
                 return self.tracer.work(arguments[0])
         if known is NOTHING:
             raise _cannot(function)

@@ -45,11 +45,11 @@ async function load(study) {
   if (key !== curvesOf) { const curves = await ask("curves"); if (older()) return; data = decode(curves); curvesOf = key; marked = null; choices(); }
   await preview(m.effects, 0, true, older); if (older()) return;
   await besides(m, key); if (older()) return;
-  opening(""); tables(); draw(); effects.show(m, screening && screening.found, true);
+  opening(""); document.body.classList.add("working"); tables(); draw(); effects.show(m, screening && screening.found, true);
   const at = version;
   await space(); if (older()) return;
   const places = await ask("where"); if (older()) return;
-  where = places; if (at === version) { sentence(); tables(); }
+  where = places; document.body.classList.remove("working"); if (at === version) { sentence(); tables(); }
   const found = await ask("screen"); if (older()) return;
   screening = {of: at, found};
   if (at === version) { effects.show(m, found); silent(found); document.body.dataset.ready = at; }
@@ -276,6 +276,8 @@ function diagnosed(d, link) {
   const rows = d.hypotheses[0].kinds.length ? [...probable, ...rivals, nothing] : [nothing, ...probable, ...rivals];
   parts.push(el("table", {}, el("tr", {}, el("th", {}, "explanation"), el("th", {class: "n"}, "probability"), el("th", {class: "n"}, "left-out error / noise")),
     ...rows.map(h => el("tr", {}, el("td", {}, name(h)), el("td", {class: "n"}, chance(h.probability)), el("td", {class: "n"}, h.left_out === null ? "–" : h.left_out.toFixed(2))))));
+  const sure = Object.entries(d.by_kind).filter(([, p]) => p > 0.9);
+  if (sure.length && d.verdict !== "missing_effect") parts.push(el("p", {}, `In nearly every explanation: ${sure.map(([kind, p]) => `${kind.replaceAll("_", " ")} (${chance(p)})`).join(", ")}.`));
   if (d.next_run && d.verdict !== "missing_effect") parts.push(el("p", {}, `Next: ${d.next_run}`));
   else if (d.next_run) parts.push(el("p", {class: "soft"}, `These runs decide. To be surer still: ${d.next_run}`));
   else parts.push(el("p", {class: "soft"}, /^(missing_effect|nothing_missing)$/.test(d.verdict)

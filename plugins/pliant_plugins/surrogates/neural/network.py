@@ -198,7 +198,9 @@ def _outside(
     width = 6 + 3 * m + k
     stiffness, guard = parameters[axes + width * i + 1 + side], parameters[axes + width * i + 3 + side]
     # the network where axis i is at its border and the others are at rest
-    border, effort, gain, slope = at.copy(), np.empty(k), np.empty(k * m), np.empty((k, k))
+    border, effort, gain, slope = np.empty(m + k), np.empty(k), np.empty(k * m), np.empty((k, k))
+    for j in range(m):
+        border[j] = at[j]
     for j in range(k):
         border[m + j] = parameters[axes + width * j]
     border[m + i] = high if u > high else low
