@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pliant.config.chain import MountConfig
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map
@@ -139,6 +140,14 @@ def test_in_time_both_come_to_the_rest_that_settle_finds(tmp_path, finger_of):
 def test_what_is_not_there_is_named(tmp_path, changes, word):
     with pytest.raises(UserError, match=word):
         ENGINE.check_mount(replace(hinged(tmp_path), **changes))
+
+
+def test_a_length_is_no_position_of_a_hinge(tmp_path):
+    written = {"file": hinged(tmp_path).file, "at": "flange", "joints": {"hinge": "20 mm"}}
+    with pytest.raises(UserError, match="'hinge' is a hinge; give an angle such as '30 deg'"):
+        ENGINE.check_mount(MountConfig.model_validate(written).record())
+    ENGINE.check_mount(MountConfig.model_validate({**written, "joints": {"hinge": "20 deg"}}).record())
+    ENGINE.check_mount(MountConfig.model_validate({**written, "joints": {"hinge": 0.2}}).record())
 
 
 def test_a_floating_arm_and_no_mjcf_are_refused(tmp_path):

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
@@ -15,7 +23,7 @@ from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.records.actuation import expected, is_known
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.records.mount import Mount
-from pliant.units import Acceleration, Angle, Length, Mass, Ratio
+from pliant.units import Acceleration, Angle, Length, Mass, Ratio, UnitError, parse_quantity
 
 
 def _no_truth(value: Any) -> Any:
@@ -156,9 +164,34 @@ class MountConfig(FrozenModel):
         default_factory=dict, description="other commands of actuators by name, in the actuator's own unit"
     )
 
+    _written: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_units(cls, value: Any, handler: ModelWrapValidatorHandler[MountConfig]) -> MountConfig:
+        """Whether a position was written as an angle or as a length; the arm's file says which it has to be."""
+        made = handler(value)
+        if isinstance(value, Mapping) and value is not made:
+            texts = {
+                name: one for name, one in dict(value.get("joints") or {}).items() if isinstance(one, str)
+            }
+            made._written = {name: _unit(one) for name, one in texts.items()}
+        return made
+
     def record(self) -> Mount:
         """What engines take."""
-        return Mount(self.file, self.at, self.keyframe, dict(self.joints), dict(self.ctrl))
+        return Mount(
+            self.file, self.at, self.keyframe, dict(self.joints), dict(self.ctrl), dict(self._written)
+        )
+
+
+def _unit(text: str) -> str:
+    """rad or m, of a text that is one of both."""
+    try:
+        parse_quantity(text, "rad")
+    except UnitError:
+        return "m"
+    return "rad"
 
 
 class BaseConfig(FrozenModel):

@@ -22,6 +22,7 @@ class Mount:
         keyframe: where the arm begins and what its actuators are told; None: the file's first, else its zero pose.
         joints: position by name, rad or m, in place of the keyframe's; a position servo there is told the same.
         ctrl: command by actuator, in its own unit.
+        units: rad or m, of those `joints` that were written with a unit.
     """
 
     file: Path
@@ -29,6 +30,7 @@ class Mount:
     keyframe: str | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
     ctrl: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -169,6 +169,14 @@ def _first_pose(model: mujoco.MjModel, mount: Mount) -> tuple[Array, Array, Arra
         joint = _number(name, joints, f"joints: {file} has no joint")
         if int(model.jnt_type[joint]) not in ONE_COORDINATE:
             raise UserError(f"{KEY}.joints: '{name}' has more than one coordinate; give hinges and slides.")
+        unit = ONE_COORDINATE[int(model.jnt_type[joint])]
+        if mount.units.get(name, unit) != unit:
+            wanted = (
+                "a hinge; give an angle such as '30 deg'"
+                if unit == "rad"
+                else "a slide; give a length such as '20 mm'"
+            )
+            raise UserError(f"{KEY}.joints: '{name}' is {wanted}.")
         qpos[model.jnt_qposadr[joint]] = value
         for k in range(model.nu):
             if _is_servo(model, k, joint):
