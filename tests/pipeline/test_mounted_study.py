@@ -11,6 +11,7 @@ import pytest
 
 from pliant import api
 from pliant.config.loading import load_study
+from pliant.config.mjcf_files import files_of
 from pliant.config.portable import write_portable
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
@@ -117,6 +118,17 @@ def test_what_the_arm_reads_is_in_the_key(folder, tmp_path_factory):
     assert key(elsewhere, moved.name) == first  # with its mesh
     mesh(2.0)
     assert key(folder) != first
+
+
+def test_models_that_an_arm_attaches_are_files_of_it_with_their_meshes(tmp_path):
+    (tmp_path / "hand" / "assets").mkdir(parents=True)
+    attached = '<mujoco><compiler meshdir="assets"/><asset><mesh file="nail.obj"/><model file="{}"/></asset></mujoco>'
+    whole, hand = tmp_path / "arm.xml", tmp_path / "hand" / "hand.xml"
+    whole.write_text(attached.format("hand/hand.xml"))
+    hand.write_text(attached.format("../arm.xml"))  # a circle, which MuJoCo refuses
+    nail = hand.parent / "assets" / "nail.obj"
+    nail.write_text("v 0 0 0\n")
+    assert {one.resolve() for one in files_of(whole)} == {whole, hand, nail}
 
 
 def test_pictures_show_the_arm_and_the_chain_where_it_is(folder):
