@@ -153,7 +153,7 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
 def walked(creeping):
     """A walk that stands where its first diagnosis is made."""
     model, measurement, _ = creeping
-    walk = _Walk(BENCH, model, measurement, FEW[:2], None, 1)
+    walk = _Walk(BENCH, model, measurement, FEW[:2], None, 1, None)
     walk._diagnose()
     return walk
 

@@ -20,7 +20,7 @@ from pliant.execution.progress import Progress, Silent, bar_of
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MOST_DEATHS = 2  # of its worker, the last one alone, after which a job is given up
+MOST_DEATHS = 2  # of its worker while no other job ran that may be to blame, after which a job is given up
 KILLED = (
     f"its worker was killed {MOST_DEATHS} times, the last time alone (out of memory, "
     "or a crash of the engine or solver)"
@@ -250,6 +250,7 @@ class JobQueue(Generic[Item, Result]):
         suspect = [any(map(self._began, job.items)) for job in jobs]
         if not any(suspect):
             suspect = [True] * len(jobs)
+        guilty = sum(suspect) == 1  # beside others it may have been the neighbour
         failed: list[Finished[Item, Result]] = []
         for job, begun in reversed([*zip(jobs, suspect, strict=True)]):
             if not begun:
@@ -259,7 +260,7 @@ class JobQueue(Generic[Item, Result]):
             elif was_alone and job.deaths + 1 >= MOST_DEATHS:
                 failed.append(Finished(job.key, job.items[0], failure=Failure(KILLED)))
             else:
-                self._suspects.append(replace(job, deaths=job.deaths + 1))
+                self._suspects.append(replace(job, deaths=job.deaths + guilty))
         return failed
 
 
