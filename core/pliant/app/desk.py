@@ -40,6 +40,10 @@ AS_IT_IS = "the study as it is"
 KEPT = {"page": ".html", "notebook": ".ipynb", "commands": ".sh"}
 
 
+def _utf8(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
 class Desk:
     """A session: its state, the model that is open, the work that runs."""
 
@@ -424,10 +428,9 @@ class Desk:
 
     def as_yaml(self) -> dict[str, str]:
         """The present model as a study's text; no study that was saved changes."""
-        with self._lock, TemporaryDirectory(dir=self.folder.path) as beside:
-            target = Path(beside) / f"{name_of_file(self._now().path)}+page.yaml"
-            self._write_study(target)
-            return {"yaml": leaving.anywhere(target)}
+        with self._lock:
+            name = f"{name_of_file(self._now().path)}+page.yaml"
+            return {"yaml": self._written(name, leaving.anywhere)}
 
     def report(self) -> str:
         """`pliant compare`'s page of the present model on the training runs."""
@@ -475,12 +478,12 @@ class Desk:
         for k in itertools.count(2):
             yield self.folder.saved / f"{stem}-{k}.yaml"
 
-    def _written(self, name: str) -> str:
-        """The present model as a study of that file name, in a folder as deep as that of saved ones."""
+    def _written(self, name: str, read: Callable[[Path], str] = _utf8) -> str:
+        """The present model as a study of that file name, read in a folder as deep as that of saved ones."""
         with TemporaryDirectory(dir=self.folder.path) as beside:
             target = Path(beside) / name
             self._write_study(target)
-            return target.read_text(encoding="utf-8")
+            return read(target)
 
     def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
         """Those of the models on the way to the present one, with the effects that each looked at."""

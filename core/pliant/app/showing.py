@@ -49,12 +49,11 @@ def shown(
     added = [str(one["kind"]) for one in now.effects if one["kind"] not in own]
     warnings = list(result["warnings"]) if result else []
     warnings += work.doubts_of(added, of_study) if of_study else []
-    if result and result["what"] == "fit" and not of_study:
-        warnings += _still_above(model, now, noise)
     if result is None:
         warnings += doubts_by_hand(model, now.effects, added, noise)
-    if not warnings and not of_study:
-        warnings += doubts_undiagnosed(model, now.effects, added, noise)
+    fitted = list(result["kinds"]) if result and result["what"] == "fit" else []
+    if not of_study and (fitted or not warnings):
+        warnings += doubts_undiagnosed(model, now.effects, added or fitted, noise)
     return {
         "name": model.study.name,
         "source": model.measurement.source,
@@ -81,22 +80,6 @@ def shown(
         "earlier": earlier,
         "judged": noise.judged,
     }
-
-
-# A fit that leaves more than this, in units of the noise, does not explain the error alone.
-EXPLAINED = 1.2
-
-
-def _still_above(model: OpenModel, step: PageStep, noise: NoiseView) -> list[str]:
-    """That a fit leaves an error clearly above the noise, for one who has not asked which effects would do better."""
-    errors = model.errors(model.predicted(step.effects), noise)
-    worse = max(errors.fitted, errors.aside or 0.0)
-    if not worse > EXPLAINED:
-        return []
-    return [
-        f"After the fit the error is still {worse:.2f} times the noise: what is ticked does not explain it alone. "
-        "'Diagnose' compares it with every other effect."
-    ]
 
 
 def _last_diagnosis(model: OpenModel, state: PageState, folder: SessionFolder) -> dict[str, Any] | None:

@@ -22,8 +22,8 @@ from pliant.interfaces.effect import EffectConfig
 
 # A rise on runs put aside by this share is said.
 RISE = 0.01
-# Times the noise on runs put aside: what leaves more does not explain it, or not alone.
-LEFT = 1.3
+# Times the noise: what leaves more does not explain the error, or not alone.
+LEFT = 1.2
 
 
 def aside_gain(
@@ -69,17 +69,16 @@ def doubts_by_hand(model: OpenModel, effects: Effects, added: Sequence[str], noi
 
 
 def doubts_undiagnosed(
-    model: OpenModel, effects: Effects, added: Sequence[str], noise: NoiseView
+    model: OpenModel, effects: Effects, kinds: Sequence[str], noise: NoiseView
 ) -> list[str]:
-    """Of effects that no diagnosis has compared with the others, where much of the error is left on unseen runs."""
-    if not added or not noise.judged:
-        return []
-    left = model.errors(model.predicted(effects), noise).aside
-    if left is None or left <= LEFT:
+    """That these kinds leave an error clearly above the noise, for one who has not asked which would do better."""
+    errors = model.errors(model.predicted(effects), noise)
+    left = max(errors.fitted, errors.aside or 0.0)
+    if not kinds or not left > LEFT:
         return []
     return [
-        f"With {listed(added)} the error on the runs put aside is still {left:.2f} times the noise: something else "
-        "is missing, beside it or in its place. 'Diagnose' on the model without it compares all effects."
+        f"With {listed(kinds)} the error is still {left:.2f} times the noise: something else is missing, beside it or "
+        "in its place. 'Diagnose' on the model without it compares all effects."
     ]
 
 
