@@ -18,7 +18,7 @@ from pliant.app.jobs import Job
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import screened
-from pliant.app.session import Session
+from pliant.app.session import PageSession
 from pliant.app.showing import curves, failing, predicted_points, recording, space
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
@@ -30,7 +30,7 @@ from pliant.registry.discovery import discover
 from pliant.store.store import write_atomically
 
 
-class Desk(Session):
+class Desk(PageSession):
     """A session that is asked and told."""
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:

@@ -16,7 +16,7 @@ from pliant.app import work
 from pliant.app.folder import key_of
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
-from pliant.app.session import Session
+from pliant.app.session import PageSession
 from pliant.config.paths import change_paths
 from pliant.config.writing import name_of_file, yaml_writer
 from pliant.config.yaml_file import read_yaml
@@ -62,7 +62,7 @@ class Way:
 class Leaving:
     """What a session's present model is written as, beside what was written before."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: PageSession) -> None:
         self.session = session
 
     def save(self, name: str = "") -> dict[str, Any]:

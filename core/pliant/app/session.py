@@ -23,7 +23,7 @@ from pliant.formatting import listed
 AS_IT_IS = "the study as it is"
 
 
-class Session:
+class PageSession:
     """What one page looks at.
 
     Attributes:
