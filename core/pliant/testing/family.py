@@ -27,7 +27,7 @@ from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.law import EXTENSIBLE_AXES, N_AXES
 from pliant.testing import Finding, Subject, agree, declared, once, require, require_refused
-from pliant.testing.common import quantity_of
+from pliant.units import quantities_in
 
 # Meshes follow curved walls by quadratic faces; this share of the volume may be lost.
 VOLUME_TOLERANCE = 0.02
@@ -274,7 +274,7 @@ def halves_are_in_their_places(subject: Subject) -> None:
 def parameters_have_units(subject: Subject) -> None:
     """every number of a design is a quantity with its unit (`Length`, `Ratio`, …)."""
     for name, field in subject.model.model_fields.items():
-        bare = field.annotation is float and quantity_of(subject.model, name) is None
+        bare = field.annotation is float and not any(quantities_in(*field.metadata))
         how = "write Length, Angle, Ratio … so that '2 mm' is understood"
         require(not bare, f"parameter '{name}' is a plain float: {how}")
 
@@ -321,8 +321,11 @@ def is_deterministic(subject: Subject) -> None:
 def _lengths(subject: Subject) -> list[str]:
     """Names of the design's positive lengths."""
     names = []
-    for name in subject.model.model_fields:
-        quantity, value = quantity_of(subject.model, name), getattr(subject.config, name)
+    for name, field in subject.model.model_fields.items():
+        quantity, value = (
+            next(quantities_in(field.annotation, *field.metadata), None),
+            getattr(subject.config, name),
+        )
         if quantity is not None and quantity.unit == "m" and isinstance(value, float) and value > 0:
             names.append(name)
     return names
