@@ -6,7 +6,7 @@ import os
 import time
 from typing import Literal
 
-from benchmarks.solved_log import note
+from benchmarks.solved_log import candidate, note
 
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
@@ -33,17 +33,12 @@ class Counted(Quasistatic):
         load = simulation.apply
 
         def logged(inputs: Inputs) -> None:
-            note(f"begin {os.getpid()} {name_of(chain.joints[-1].offset_m[0], *inputs.actuation.values())}")
+            note(f"begin {os.getpid()} {candidate(chain.joints[-1].offset_m[0], *inputs.actuation.values())}")
             load(inputs)
             time.sleep(DELAY_S)
 
         setattr(simulation, "apply", logged)  # noqa: B010 - mypy forbids the plain way
         return simulation
-
-
-def name_of(length_m: float, pressure_pa: float) -> str:
-    """A candidate of the search, by its module's length and its pressure."""
-    return f"{length_m:.9g}/{pressure_pa:.9g}"
 
 
 @hookimpl

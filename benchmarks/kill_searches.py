@@ -32,9 +32,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.counted_engine import name_of
 from benchmarks.output import ROOT, parser_of, write
 from benchmarks.soak import differences
+from benchmarks.solved_log import candidate, noted
 from tests.cli.search_study import STUDY
 
 from pliant.search.run.journal import Journal
@@ -144,10 +144,7 @@ class Killing:
 
     def _loaded(self) -> list[str]:
         """Candidates in the order in which they were loaded."""
-        if not self.log.exists():
-            return []
-        lines = self.log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
-        return [line.split(" ", 2)[2] for line in lines]
+        return [loaded for _, _, loaded in noted(self.log)]
 
     def _saved(self, store: str) -> set[str]:
         """Candidates that the store's journals hold."""
@@ -167,13 +164,13 @@ class Killing:
         ends = [*saved, (len(loaded), set())]
         first = 0
         for last, then in ends:
-            for candidate in loaded[first:last]:
-                begun[candidate] += 1
-                if candidate == self._winner:
+            for one in loaded[first:last]:
+                begun[one] += 1
+                if one == self._winner:
                     self.count.looks_at_the_winner += 1
-                elif begun[candidate] > once[candidate]:
-                    self.count.saved_and_evaluated_twice += candidate in known
-                    self.count.of_open_generations_again += candidate not in known
+                elif begun[one] > once[one]:
+                    self.count.saved_and_evaluated_twice += one in known
+                    self.count.of_open_generations_again += one not in known
             first, known = last, known | then
         self.count.candidates_begun += len(loaded)
 
@@ -188,7 +185,7 @@ class Killing:
 
 
 def _named(values: Mapping[str, Any]) -> str:
-    return name_of(float(values["chain.module_length"]), float(values["task.pressure"]))
+    return candidate(float(values["chain.module_length"]), float(values["task.pressure"]))
 
 
 def main() -> int:

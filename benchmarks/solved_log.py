@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 
 def note(what: str) -> None:
@@ -10,3 +11,16 @@ def note(what: str) -> None:
     handle = os.open(os.environ["SPRINGS_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     os.write(handle, f"{what}\n".encode())
     os.close(handle)
+
+
+def noted(log: Path) -> list[tuple[str, str, str]]:
+    """Whole lines of the file: what, by which process, of what."""
+    if not log.exists():
+        return []
+    lines = log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
+    return [(what, pid, of) for what, pid, of in (line.split(" ", 2) for line in lines)]
+
+
+def candidate(length_m: float, pressure_pa: float) -> str:
+    """A candidate of a search as the file names it, by its module's length and its pressure."""
+    return f"{length_m:.9g}/{pressure_pa:.9g}"

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.dump import tasks_of
 from benchmarks.evidence.sets import SetSpec, make_set
+from benchmarks.evidence.tasks import tasks_of
 from benchmarks.output import Bar, parser_of, write
 
 from pliant import api

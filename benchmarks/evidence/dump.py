@@ -9,37 +9,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.evidence.sets import make_set
-from benchmarks.evidence.tasks import QUICK, QUICK_PROTOCOLS, Plan, Task
-from benchmarks.evidence.truths import KINDS, UNKNOWN
+from benchmarks.evidence.tasks import GROUPS, Task, tasks_of
 from benchmarks.output import parser_of
 
 from pliant.store.store import write_atomically
-
-NOTHING = Plan(
-    seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, quick=0, rods=0, plan=0, improve=0
-)
-GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload", *QUICK_PROTOCOLS)
-
-
-def tasks_of(group: str, count: int, split: str) -> list[Task]:
-    """The first tasks of a group, kinds in turn."""
-    each = -(-count // len(KINDS))
-    sizes = {
-        "effect": {"seeds": each},
-        "clean": {"clean": count},
-        "unknown": {"unknown": -(-count // len(UNKNOWN))},
-        "pair": {"pairs": count},
-        "weak": {"weak": -(-count // (2 * len(KINDS)))},
-        "poor": {"poor": each},
-        "rich_noload": {"noload": each},
-        **{name: {"quick": -(-count // (len(QUICK) + 1))} for name in QUICK_PROTOCOLS},
-    }
-    plan = replace(NOTHING, split=split, **sizes[group])
-    return [task for task in plan.tasks() if task.group == group][:count]
 
 
 def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:

@@ -202,6 +202,29 @@ def pairs_of(split: Split, count: int) -> list[str]:
     return [every[order[i % len(every)]] for i in range(count)]
 
 
+NOTHING = Plan(
+    seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, quick=0, rods=0, plan=0, improve=0
+)
+GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload", *QUICK_PROTOCOLS)
+
+
+def tasks_of(group: str, count: int, split: str) -> list[Task]:
+    """The first tasks of a group, kinds in turn."""
+    each = -(-count // len(KINDS))
+    sizes = {
+        "effect": {"seeds": each},
+        "clean": {"clean": count},
+        "unknown": {"unknown": -(-count // len(UNKNOWN))},
+        "pair": {"pairs": count},
+        "weak": {"weak": -(-count // (2 * len(KINDS)))},
+        "poor": {"poor": each},
+        "rich_noload": {"noload": each},
+        **{name: {"quick": -(-count // (len(QUICK) + 1))} for name in QUICK_PROTOCOLS},
+    }
+    plan = replace(NOTHING, split=split, **sizes[group])
+    return [task for task in plan.tasks() if task.group == group][:count]
+
+
 SMALL_KINDS = (CLEAN, "stiffness", "viscous_damping", "mullins", "leak", "sensor_lag", "cross_axis")
 SMALL_KINDS += ("tendon_friction", "torque_ripple", "run_slip")
 

@@ -33,6 +33,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import ROOT, parser_of, read, write
+from benchmarks.solved_log import noted
 
 from pliant import api
 
@@ -98,13 +99,13 @@ class Killing:
         """All kills, the last sweep completed, the data compared with an undisturbed sweep."""
         started = time.perf_counter()
         self._finish("whole")
-        expected, once = self._data("whole"), Counter(s for w, _, s in self._lines() if w == "begin")
+        expected, once = self._data("whole"), Counter(s for w, _, s in noted(self.log) if w == "begin")
         while self.count.kills < kills:
             store = f"killed{self.count.sweeps_completed}"
             self.log.unlink(missing_ok=True)
             rounds = []
             while self.count.kills < kills and self._killed(store):
-                rounds.append(len(self._lines()))
+                rounds.append(len(noted(self.log)))
             self._finish(store)
             self._judge(rounds, once)
             self._compare(expected, self._data(store))
@@ -129,12 +130,12 @@ class Killing:
     def _killed(self, store: str) -> bool:
         """Start, wait for the moment, kill; False where the sweep was complete before."""
         running = self._start(store)
-        before = len(self._lines())
+        before = len(noted(self.log))
         starting = self.random.random() < STARTING
         began = None if not starting else time.monotonic()
         moment = self.random.uniform(0, self.window_s)
         while running.poll() is None:
-            if began is None and len(self._lines()) > before:
+            if began is None and len(noted(self.log)) > before:
                 began = time.monotonic()
             if began is not None and time.monotonic() - began >= moment:
                 break
@@ -145,7 +146,7 @@ class Killing:
         os.killpg(running.pid, signal.SIGKILL)
         self._listen(running.communicate()[1])
         self.count.kills += 1
-        self.count.kills_while_starting += len(self._lines()) == before
+        self.count.kills_while_starting += len(noted(self.log)) == before
         return True
 
     def _listen(self, said: str) -> None:
@@ -153,16 +154,9 @@ class Killing:
         words = ("damaged", "corrupted", "Traceback", "error")
         self.count.complaints += [line for line in said.splitlines() if any(w in line for w in words)]
 
-    def _lines(self) -> list[tuple[str, str, str]]:
-        """begin or end, process, state."""
-        if not self.log.exists():
-            return []
-        whole = self.log.read_text(encoding="utf-8").rpartition("\n")[0].splitlines()
-        return [(what, pid, state) for what, pid, state in (line.split(" ", 2) for line in whole)]
-
     def _judge(self, rounds: Sequence[int], once: Counter[str]) -> None:
         """Walk through the log, kill by kill."""
-        lines, begun, saved, loose = self._lines(), Counter[str](), set[str](), set[str]()
+        lines, begun, saved, loose = noted(self.log), Counter[str](), set[str](), set[str]()
         for first, last in zip([0, *rounds], [*rounds, len(lines)], strict=True):
             present: dict[str, tuple[str, str]] = {}  # process → its last line
             for what, pid, state in lines[first:last]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import stat
 from pathlib import Path
 
-from pliant.errors import UserError
+from pliant.errors import UserError, closest
 
 
 def require_regular(path: Path) -> None:
@@ -24,6 +24,19 @@ def require_regular(path: Path) -> None:
         raise UserError(
             f"{path}: it is a device or a pipe, and only files are read; save it as a file first."
         )
+
+
+def require_there(path: Path, what: str, among: str = "*") -> None:
+    """Raise `UserError` where a path that somebody wrote is no file, with the nearest name in its folder.
+
+    Args:
+        path: as it was written.
+        what: begins the message, such as "surface 'body.stl'".
+        among: names that were meant, such as "*.xml".
+    """
+    if not path.is_file():
+        beside = sorted(p.name for p in path.parent.glob(among)) if path.parent.is_dir() else []
+        raise UserError(f"{what} is no file{closest(path.name, beside)}")
 
 
 def read_regular(path: Path, largest: int, what: str) -> bytes:

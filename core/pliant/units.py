@@ -7,9 +7,10 @@ or ``wall_m: 0.0015`` in a study; bare numbers are SI.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -174,6 +175,15 @@ class Quantity:
             return parse_quantity(value, self.unit)
         except UnitError as error:
             raise PydanticCustomError("quantity", "{sentence}", {"sentence": str(error)}) from None
+
+
+def quantities_in(*annotations: Any) -> Iterator[Quantity]:
+    """The quantities anywhere inside annotations such as `tuple[Length, ...] | None`, and among a field's metadata."""
+    for one in annotations:
+        if isinstance(one, Quantity):
+            yield one
+        else:
+            yield from quantities_in(*get_args(one))
 
 
 Length = Annotated[float, Quantity("m")]

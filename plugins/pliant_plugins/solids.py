@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from pliant.errors import MissingDependencyError, UserError, closest
+from pliant.errors import MissingDependencyError, UserError
 from pliant.records.design import Array, MassProperties
 from pliant.records.shape import TriangleMesh
+from pliant.regular_files import require_there
 
 # Voxels of the decomposition: a hundred times fewer than V-HACD's usual, and a second of one core.
 VOXELS = 20_000
@@ -50,9 +51,7 @@ def read_solid(path: Path, scale: float = 1.0) -> Solid:
         MissingDependencyError: trimesh is not installed.
     """
     trimesh = _trimesh()
-    if not path.is_file():
-        beside = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
-        raise UserError(f"mesh '{path}' is no file{closest(path.name, beside)}")
+    require_there(path, f"mesh '{path}'")
     if path.suffix.lower() not in READ:
         raise UserError(f"mesh '{path.name}' is none of {', '.join(READ)}.")
     try:

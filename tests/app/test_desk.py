@@ -18,6 +18,7 @@ from pliant import api
 from pliant.app import work
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
+from pliant.app.leaving import Leaving
 from pliant.app.open_model import AnswerCache
 from pliant.app.showing import predicted_points
 from pliant.app.work import forms_of
@@ -101,7 +102,7 @@ def test_undo_redo_and_a_new_step_behind_an_undone_one(desk: Desk) -> None:
 
 
 def test_a_run_that_is_off_counts_in_no_error(desk: Desk) -> None:
-    model = desk._now().without(["r0"])
+    model = desk.now().without(["r0"])
     assert not np.isfinite(model.read.runs[0].outputs["angle_rad"]).any()
     assert "r0" not in [model.read.runs[k].name for k in model.split.runs]
     with pytest.raises(UserError, match="one run"):
@@ -175,7 +176,7 @@ def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
     """A gain explains everything here: what is fitted beside it lowers the fitted error by chance alone."""
     assert not _fitted(desk, "actuation_gain")["warnings"]
     right = Desk(SessionFolder(bench / "right"), bench / "store")
-    right.begin(Path(desk.save("right")["path"]), [])
+    right.begin(Path(Leaving(desk).save("right")["path"]), [])
     model = _fitted(right, false)
     assert model["steps"][-1]["fitted"], right.said
     assert any("not predicted better" in one for one in model["warnings"])
@@ -208,20 +209,20 @@ def test_a_fit_that_explains_little_is_said_without_a_diagnosis(desk: Desk) -> N
 
 def test_copying_changes_no_saved_study(desk: Desk) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
-    saved = Path(desk.save()["path"])
+    saved = Path(Leaving(desk).save()["path"])
     before = saved.read_text()
     desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
-    assert "gain: 1.1" in desk.as_yaml()["yaml"]
+    assert "gain: 1.1" in Leaving(desk).as_yaml()["yaml"]
     assert saved.read_text() == before
     assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
 
 
 def test_saving_again_writes_over_no_other_study(desk: Desk) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
-    first, same = Path(desk.save()["path"]), Path(desk.save()["path"])
+    first, same = Path(Leaving(desk).save()["path"]), Path(Leaving(desk).save()["path"])
     before = first.read_text()
     desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
-    second = Path(desk.save()["path"])
+    second = Path(Leaving(desk).save()["path"])
     assert same == first and second.name == f"{first.stem}-2.yaml"
     assert first.read_text() == before and "gain: 1.1" in second.read_text()
 
@@ -250,7 +251,7 @@ def test_what_several_threads_ask_is_worked_out_once() -> None:
 
 def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
     model = _fitted(desk, "actuation_gain")
-    said = desk.save()
+    said = Leaving(desk).save()
     saved = Path(said["path"])
     assert shlex.split(said["commands"][1])[:2] == ["pliant", "extend"]
     assert "actuation_gain" in said["commands"][1]
@@ -260,7 +261,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     assert np.isclose(api.compare(opened).outputs["angle_rad"].rmse, _rmse(desk), rtol=1e-6)
     by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
     desk.step(by_hand, [], "by hand")
-    mine = desk.save("my own")
+    mine = Leaving(desk).save("my own")
     assert shlex.split(mine["commands"][-1]) == ["pliant", "compare", mine["path"]]
     again = api.open_study(mine["path"], store=bench / "store")
     assert again.study.effects[0].canonical()["gain"] == 1.1
@@ -268,7 +269,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
 
 
 def _rmse(desk: Desk) -> float:
-    model = desk._now()
+    model = desk.now()
     predicted = model.predicted(desk.state.now.effects)
     pairs = zip(model.measurement.runs, predicted, strict=True)
     return float(
@@ -279,7 +280,7 @@ def _rmse(desk: Desk) -> float:
 def test_the_pictures_have_every_reading_and_the_screen_the_hidden_effect(desk: Desk) -> None:
     shown = desk.curves()
     assert sum(run["points"] for run in shown["runs"]) == 240 == len(shown["outputs"][0]["measured"])
-    model = desk._now()
+    model = desk.now()
     packed = predicted_points(model, model.predicted(()))["angle_rad"]
     assert len(packed) == 4 * 240 * 4 / 3
     found = desk.screen()["kinds"]
@@ -314,12 +315,12 @@ def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path
 
     assert listed()["file"] == "stiffening.py"
     before = listed()["sliders"][0]["high"]
-    version, key = desk.pulse()["version"], desk._now().key
+    version, key = desk.pulse()["version"], desk.now().key
     assert desk.pulse()["version"] == version
     file.write_text(code.replace("plausible=(0.5, 5.0)", "plausible=(0.5, 8.0)") + "# other\n")
     assert desk.pulse()["version"] > version
     assert listed()["sliders"][0]["high"] > before
-    assert desk._now().key != key  # nothing that the former code gave is taken for the new one's
+    assert desk.now().key != key  # nothing that the former code gave is taken for the new one's
     file.write_text("x =")
     desk.pulse()
     assert "not Python" in desk.view()["refused"]
@@ -349,7 +350,7 @@ def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> 
     assert np.allclose(np.interp(at, x, value), knots, atol=0.03 * np.ptp(knots))
     assert (x[0] < curve["ends"][0]) and (x[-1] > curve["ends"][1])
     assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
-    saved = api.open_study(desk.save()["path"], store=bench / "store")
+    saved = api.open_study(Leaving(desk).save()["path"], store=bench / "store")
     assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]
 
 
@@ -367,7 +368,7 @@ def test_forms_that_a_diagnosis_on_the_way_lets_vary_are_fitted_as_improve_fits_
 
 
 def test_the_robot_in_space_is_the_models_and_shows_no_error_of_runs_put_aside(desk: Desk) -> None:
-    model = desk._opened()
+    model = desk.opened()
     k = next(k for k in range(len(model.measurement.runs)) if k not in model.split.runs)
     aside = model.measurement.runs[model.split.runs[0]].name
     effects = ({"kind": "actuation_gain", "gain": 1.25},)

@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 from pliant.cli.plugins import create_package
 from pliant.cli.verbs import VERBS, app
 from pliant.config.loading import load_study
+from pliant.meshing.cells import cell_volumes
+from pliant.meshing.soundness import found_wrong
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.term import LawTerm
@@ -168,6 +170,23 @@ def test_the_family_of_the_docs_bends_either_way(tmp_path, monkeypatch):
     up, down = (solver.free(np.array(levels), solver.rest()).angle_rad for levels in ([8e3, 0.0], [0.0, 8e3]))
     assert abs(up) > 5e-4
     assert up == pytest.approx(-down, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_mesh_of_the_docs_from_a_mesher_is_sound(tmp_path, monkeypatch):
+    pytest.importorskip("netgen")
+    component = typed_in(tmp_path, monkeypatch, "my-twin", "family")
+    (block,) = (text for text in blocks(text_of("write_a_plugin"), "python") if "piece_mesh" in text)
+    typed = {}
+    exec(block, typed)  # the page's own code
+    family = built(component)
+    monkeypatch.setattr(type(family), "mesh", typed["mesh"])
+    monkeypatch.setattr(type(family), "actuation", "pressure_pa")
+    problem, c = family.problem(), family.config
+    assert found_wrong(problem) == ""
+    chamber = (c.width_m / 2 - c.wall_m) * (c.height_m / 2 - c.wall_m - c.floor_m / 2)
+    solid = (c.width_m / 2 * c.height_m - chamber) * family.module_length_m / 2
+    assert cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum() == pytest.approx(solid, rel=1e-9)
 
 
 def rubber():

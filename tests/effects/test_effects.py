@@ -110,14 +110,6 @@ def test_a_parameter_has_the_unit_of_its_type() -> None:
 
 
 @ALL
-def test_an_effect_with_its_defaults_is_no_effect(component: Component) -> None:
-    plain = suited(component)
-    absent = component.build(component.config_model()(kind=component.kind)).apply(plain)
-    for sight in SIGHTS.values():
-        np.testing.assert_array_equal(sight(absent), sight(plain))
-
-
-@ALL
 def test_a_model_with_the_effect_travels_to_another_process(component: Component) -> None:
     changed = example(component).apply(suited(component))
     copy = pickle.loads(pickle.dumps(changed))

@@ -182,6 +182,7 @@ def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
     assert result.metrics["distance_m"] < 1e-6 and not result.not_reached
 
 
+@pytest.mark.slow
 def test_six_pressures_come_to_the_smallest_that_a_general_optimiser_finds_too() -> None:
     """SLSQP from the answer, with the same constraint, finds nothing smaller by 1 %; bounds and target hold."""
     simulation = built(two_segments().chain)

@@ -214,6 +214,7 @@ def tried(folder, log, name, **crew):
     return bench.table(run), bench.pids(log)
 
 
+@pytest.mark.slow
 def test_threads_and_processes_agree_with_this_process_bit_for_bit_and_a_second_sweep_solves_nothing(
     tmp_path, log
 ):

@@ -14,8 +14,9 @@ from tests.report import search_samples as samples
 from pliant.notebook.result import Result
 from pliant.records.search import SearchResult
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel, as_script_data
-from pliant.report.charts import front_chart, history_chart, law_chart, pose_chart
+from pliant.report.charts import law_chart, pose_chart
 from pliant.report.document import Document, Picture, drawn
+from pliant.report.figures.search_course import front_chart, history_chart
 from pliant.report.search_view import SearchView
 
 AXIS = ChartAxis("a")

@@ -27,7 +27,6 @@ from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
-from pliant.report.charts import explained_chart, hypotheses_chart
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (
     detectable_table,
@@ -37,6 +36,7 @@ from pliant.report.diagnosis_tables import (
     parameter_texts,
 )
 from pliant.report.evidence_view import Diagnosed
+from pliant.report.figures.diagnosis import explained_chart, hypotheses_chart
 from pliant.report.fitted import most_probable, value_text
 from pliant.report.render import page as rendered
 

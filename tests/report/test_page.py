@@ -63,7 +63,7 @@ def test_warnings_name_every_limit(page: Page) -> None:
     text = words(page.html)
     assert "mujoco used the law outside its domain at 2 places" in text
     assert "module 3: pressure_pa by 0.25 kPa" in text and "module 2: y by 1.15°" in text
-    assert "2 of 35 states have touching convolutions" in text
+    assert "2 of 35 states have touching walls" in text
     assert "9 kPa, 22.9°: diverged <here>" in text
     assert "Engine pybullet was skipped: pybullet has no wheel for this Python" in text
     assert "The study sets sweep" in text

@@ -43,6 +43,7 @@ def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threa
     assert check.notes == expected.notes == ()
 
 
+@pytest.mark.slow
 def test_the_designs_of_several_conditions_are_run_ahead(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
     problem = Problem(opened, CONDITIONS)

@@ -8,6 +8,7 @@ from tests.search.search_studies import BASE, REGISTRY, search_problem
 
 from pliant.config.loading import load_study
 from pliant.errors import InvalidDesignError, UserError
+from pliant.interfaces.optimizer import Trial
 from pliant.search.problem.search_problem import SearchProblem
 
 SEARCH = """
@@ -116,6 +117,20 @@ def test_a_candidate_becomes_a_study(problem):
 def test_a_design_that_cannot_be_is_refused(problem):
     with pytest.raises(InvalidDesignError):
         problem.apply({**VALUES, "family.average_radius": 0.002}, 0)
+
+
+def test_constraints_of_many_trials_are_those_of_each(problem):
+    rng = np.random.default_rng(3)
+    trials = [
+        Trial(
+            k, {**VALUES, "n1": int(rng.integers(1, 9)), "family.average_radius": rng.uniform(4e-3, 9e-3)}, c
+        )
+        for k, c in enumerate(rng.integers(-1, 3, 40).tolist())
+    ]
+    alone = [problem.violated(trial.values, trial.context) for trial in trials]
+    assert problem.violated_each(trials) == alone
+    assert any(alone) and not all(alone)
+    assert problem.violated_each([]) == []
 
 
 def test_constraints_of_variables_and_of_metrics_are_apart(problem):

@@ -82,6 +82,7 @@ def test_a_candidate_bends_as_its_closed_form_says(opened):
         assert found.metrics["bend_angle_rad"] == pytest.approx(3 * free_angle(height, wall), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_search_finds_the_best_design_of_the_closed_form(opened):
     """Thin walls bend most, and the constraint then bounds the height: h = 26 mm − 4 · 1.5 mm."""
     one, _ = opened

@@ -81,6 +81,9 @@ class ToyProblem:
         over = float(values["a"]) + float(values["b"]) - self.most
         return {f"a + b <= {self.most:g}": over} if over > 0 else {}
 
+    def violated_each(self, trials: Sequence[Trial]) -> list[dict[str, float]]:
+        return [self.violated(trial.values) for trial in trials]
+
     def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
         return metrics["rmse_m"] <= self.good
 

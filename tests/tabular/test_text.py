@@ -10,7 +10,7 @@ from tests.lab_files.written import matlab, parquet, spreadsheet
 from pliant.calibration.reading import read_bench_data
 from pliant.errors import UserError
 from pliant.measurements.reading import read_measurement
-from pliant.tabular import sources, text
+from pliant.tabular import opening, text
 from pliant.tabular.cells import is_number
 from pliant.tabular.fem_reading import read_table
 from pliant.tabular.opening import open_sheet
@@ -76,7 +76,7 @@ def test_a_small_mat_that_unpacks_to_gigabytes_is_refused_before_it_is_read(tmp_
     path = tmp_path / "a.mat"
     savemat(path, {name: np.zeros(300_000) for name in TABLE}, do_compression=True)
     assert path.stat().st_size < 30_000 and len(fem(path)) == 300_000
-    monkeypatch.setattr(sources, "UNPACKED", 5_000_000)
+    monkeypatch.setattr(opening, "UNPACKED", 5_000_000)
     for compressed in (True, False):
         savemat(path, {name: np.zeros(300_000) for name in TABLE}, do_compression=compressed)
         with pytest.raises(UserError, match="unpacks to more than 5 MB; save the table as CSV"):

@@ -96,7 +96,8 @@ def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float
     assert angle[-1] == pytest.approx(brentq(balance, -1, 2), abs=2e-6)
 
 
-@pytest.mark.parametrize("name", slow_among(sorted(ROBOTS), *(set(ROBOTS) - {"joint"})))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
     robot = ROBOTS[name]
     runs = protocol("example", robot)

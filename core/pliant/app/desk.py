@@ -2,74 +2,49 @@
 
 from __future__ import annotations
 
-import itertools
 import re
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
 
 from pliant import __version__, api
-from pliant.app import describing, leaving, work
-from pliant.app.folder import SessionFolder, key_of
+from pliant.app import describing, work
+from pliant.app.folder import key_of
 from pliant.app.inbox import MOST_BYTES, STUDIES, TABLES, checked_study, too_large
-from pliant.app.jobs import Bench, Job
+from pliant.app.jobs import Job
 from pliant.app.open_model import OpenModel
-from pliant.app.own_files import Watch
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
-from pliant.app.screening import catalogue, screened
-from pliant.app.showing import curves, predicted_points, recording, shown
-from pliant.app.space import space
+from pliant.app.screening import screened
+from pliant.app.session import PageSession
+from pliant.app.showing import curves, failing, predicted_points, recording, space
 from pliant.config.writing import name_of_file
 from pliant.errors import PliantError, UserError
-from pliant.evidence.comparison import interpret
 from pliant.formatting import displayed_in, listed, unit_of
 from pliant.measurements.files import sources_of
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.study import chain_of_study
 from pliant.registry.discovery import discover
-from pliant.report.render import page
 from pliant.store.store import write_atomically
 
-AS_IT_IS = "the study as it is"
-# What is kept beside a saved study, and its ending.
-KEPT = {"page": ".html", "notebook": ".ipynb", "commands": ".sh"}
 
-
-def _utf8(file: Path) -> str:
-    return file.read_text(encoding="utf-8")
-
-
-class Desk:
-    """A session: its state, the model that is open, the work that runs."""
-
-    def __init__(self, folder: SessionFolder, store: Path) -> None:
-        self.folder, self.store = folder, store
-        self.state: PageState = folder.state()
-        self.bench = Bench()
-        self.said: list[str] = []
-        self._models: dict[tuple[str, tuple[str, ...]], OpenModel] = {}
-        self._catalogue: list[dict[str, Any]] | None = None
-        self._watch = Watch()
-        self._lock = threading.RLock()
-        self._slow = threading.Lock()  # one question that takes seconds at a time; sliders do not wait for it
+class Desk(PageSession):
+    """A session that is asked and told."""
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open what the command names, or go on where the session was; work that was cut off is taken up."""
-        with self._lock:
+        with self.lock:
             begun = self.state.steps[0].data if self.state.steps else self.state.data
             wanted = str(study.resolve()) if study is not None else self.state.study
             files = tuple(str(file.resolve()) for file in data) or (
                 () if study is not None and wanted != self.state.study else self.state.data
             )
             if wanted != self.state.study or files not in (self.state.data, begun):
-                self._keep(PageState(wanted, files, version=self.state.version))
+                self.keep(PageState(wanted, files, version=self.state.version))
             if self.state.study:
-                self._opened()
+                self.opened()
             if self.state.pending:
                 pending = dict(self.state.pending)
                 if pending["what"] == "describe":
@@ -81,15 +56,14 @@ class Desk:
 
     def pulse(self) -> dict[str, Any]:
         """Small enough to ask every second: whether anything changed, a user's own effect too, and what runs."""
-        if changed := self._watch.changed():
-            self._reload([file.name for file in changed])
+        self.read_changed()
         job = self.bench.job
         study = Path(self.state.study).name
         return {"version": self.state.version, "study": study, "job": None if job is None else job.as_json()}
 
     def view(self) -> dict[str, Any]:
         """Everything but the curves."""
-        with self._lock:
+        with self.lock:
             state = self.state
             whole: dict[str, Any] = {
                 "pliant": __version__,
@@ -105,22 +79,22 @@ class Desk:
             if not state.study:
                 return whole | {"recording": recording(self.state.data)}
             try:
-                model = self._opened()
+                model = self.opened()
             except PliantError as error:
                 return whole | {"refused": str(error), "recording": recording(self.state.data)}
             with displayed_in(units_as_written(model.measurement)):
-                return whole | {"model": self._shown(model)}
+                return whole | {"model": self.shown(model)}
 
     def curves(self) -> dict[str, Any]:
         """The points of the pictures; they do not change with the effects."""
-        with self._lock:
-            model = self._now()
+        with self.lock:
+            model = self.now()
             with displayed_in(units_as_written(model.measurement)):
                 return curves(model, model.predicted(model.own_effects))
 
     def preview(self, values: Effects, parts: int = 0) -> dict[str, Any]:
         """The prediction with these effects, and its errors; `parts` steps between samples, as needed where 0."""
-        model, now = self._present()
+        model, now = self.present()
         with displayed_in(units_as_written(model.measurement)):
             try:
                 predicted = model.quick(values, parts) if parts else model.predicted(values)
@@ -142,42 +116,21 @@ class Desk:
 
     def space(self, values: Effects, run: str) -> dict[str, Any]:
         """The robot through a run with these effects, in three dimensions."""
-        model = self._now()
+        model = self.now()
         with displayed_in(units_as_written(model.measurement)):
             return space(model, values, run)
 
     def where(self) -> dict[str, Any]:
         """Where the present model fails on the training runs, in words and as a table."""
-        with self._slow:
-            model, now = self._present()
+        with self.slow:
+            model, now = self.present()
             with displayed_in(units_as_written(model.measurement)):
-                found = model.comparison(now.effects)
-                return {
-                    "sentence": interpret(found),
-                    "runs": {run.name: run.rmse_over_floor for run in found.runs},
-                    "places": [
-                        {
-                            "condition": place.condition,
-                            "share": place.share_of_error,
-                            "readings": place.share_of_samples,
-                            "significant": place.significant,
-                        }
-                        for place in found.worst
-                    ],
-                    "depends_on": [
-                        {
-                            "words": " × ".join(found.labels.get(p, p) for p in name.split(" × ")),
-                            "share": share,
-                        }
-                        for name, share in list(found.depends_on.items())[:6]
-                    ],
-                    "remarks": list(found.remarks),
-                }
+                return failing(model.comparison(now.effects))
 
     def screen(self) -> dict[str, Any]:
         """What every effect could explain of what is left; kept under the model."""
-        with self._slow:
-            model, now = self._present()
+        with self.slow:
+            model, now = self.present()
             key = key_of("screen", model.key, now.effects)
             found = self.folder.result(key)
             if found is None:
@@ -190,7 +143,7 @@ class Desk:
 
     def take(self, name: str) -> None:
         """A file was dropped: a study is opened, a recording goes beside those that are there."""
-        with self._lock:
+        with self.lock:
             path = self.folder.files / name
             if path.suffix.lower() in STUDIES:
                 try:
@@ -198,14 +151,14 @@ class Desk:
                 except PliantError:
                     path.unlink(missing_ok=True)
                     raise
-                self._keep(PageState(str(path), self.state.data, version=self.state.version))
+                self.keep(PageState(str(path), self.state.data, version=self.state.version))
             elif self.state.steps:
                 self._add(path)
                 return
             else:
                 dropped = tuple(dict.fromkeys((*self.state.data, str(path))))
-                self._keep(PageState(self.state.study, dropped, version=self.state.version))
-            self._models.clear()
+                self.keep(PageState(self.state.study, dropped, version=self.state.version))
+            self.close()
 
     def _add(self, path: Path) -> None:
         """A recording goes beside those of the open study; one of the same name is replaced. Undo leaves it out.
@@ -215,16 +168,16 @@ class Desk:
         """
         if self.bench.job is not None:
             raise UserError("work is under way; stop it or wait, then add the file again.")
-        before, notes = self.state, self._now().study.measurements
+        before, notes = self.state, self.now().study.measurements
         named = before.data or (sources_of(notes.file) if notes is not None else ())
         data = (*(str(one) for one in named if Path(one).name != path.name), str(path))
         step = PageStep(f"added {path.name}", before.now.effects, before.now.off, "", data)
-        self._models.clear()
-        self._keep(before.with_step(step))
+        self.close()
+        self.keep(before.with_step(step))
         try:
-            self._opened()
+            self.opened()
         except PliantError:
-            self._keep(replace(before, version=self.state.version))
+            self.keep(replace(before, version=self.state.version))
             if str(path) not in before.data:
                 path.unlink(missing_ok=True)
             raise
@@ -242,7 +195,7 @@ class Desk:
         Raises:
             UserError: it is no study that can be read, or other work is under way.
         """
-        with self._lock:
+        with self.lock:
             text = describing.described(values, self._tables())
             path = self.folder.files / f"{name_of_file(Path(str(values.get('name') or 'robot')))}.yaml"
             before = path.read_text(encoding="utf-8") if path.exists() else None
@@ -257,7 +210,7 @@ class Desk:
                 ) from None
             table = str(values.get("table", "")) if values.get("way") == "data" else ""
             kept = tuple(one for one in self.state.data if Path(one).name != table)
-            self._keep(replace(self.state, data=kept))
+            self.keep(replace(self.state, data=kept))
             self.solve(path)
 
     def solve(self, path: Path) -> None:
@@ -269,27 +222,27 @@ class Desk:
             chain_of_study(opened.bench, opened.study)
 
         def ended(job: Job, said: str) -> None:
-            with self._lock:
-                self._keep(replace(self.state, pending=None))
+            with self.lock:
+                self.keep(replace(self.state, pending=None))
                 if said:
                     self.said.append(said)
                 else:
                     self.take(path.name)
 
-        self._keep(replace(self.state, pending={"what": "describe", "file": path.name}))
+        self.keep(replace(self.state, pending={"what": "describe", "file": path.name}))
         self.bench.begin(Job("describe", key_of("describe", path.read_text(encoding="utf-8"))), go, ended)
 
     def forget(self, name: str) -> None:
         """Leave a recording out of the session; its file stays."""
-        with self._lock:
+        with self.lock:
             kept = tuple(one for one in self.state.data if Path(one).name != name)
-            self._keep(PageState(self.state.study, kept, version=self.state.version))
-            self._models.clear()
+            self.keep(PageState(self.state.study, kept, version=self.state.version))
+            self.close()
 
     def step(self, effects: Effects, off: Sequence[str], words: str) -> None:
         """Go on with another model; raises `UserError` for effects that cannot be."""
-        with self._lock:
-            model = self._now()
+        with self.lock:
+            model = self.now()
             try:
                 made = model.effects(effects)
             except (ValidationError, KeyError) as error:
@@ -306,18 +259,18 @@ class Desk:
             step = PageStep(
                 words[:120] or "by hand", plain, named, "" if changed else result, self.state.data
             )
-            self._keep(self.state.with_step(step))
+            self.keep(self.state.with_step(step))
 
     def toggle(self, run: str, on: bool) -> None:
         """Switch a run on or off, whatever else was chosen meanwhile."""
-        with self._lock:
+        with self.lock:
             off = [one for one in self.state.now.off if one != run]
             self.step(self.state.now.effects, off if on else [*off, run], f"{run} {'on' if on else 'off'}")
 
     def tick(self, kind: str, on: bool) -> None:
         """Add an effect as it begins, or take it out, whatever else was chosen meanwhile."""
-        with self._lock:
-            begun = [one["begun"] for one in self._listed(self._now()) if one["kind"] == kind]
+        with self.lock:
+            begun = [one["begun"] for one in self.listed(self.now()) if one["kind"] == kind]
             kept = [one for one in self.state.now.effects if one["kind"] != kind]
             if on and not begun:
                 raise UserError(f"there is no effect '{kind}' here.")
@@ -326,8 +279,8 @@ class Desk:
 
     def go(self, cursor: int) -> None:
         """Undo and redo: look at another step."""
-        with self._lock:
-            self._keep(self.state.at(cursor))
+        with self.lock:
+            self.keep(self.state.at(cursor))
 
     def run(self, what: str, kinds: Sequence[str] = (), learned: bool = False) -> None:
         """Begin long work, or show at once what it gave before.
@@ -340,8 +293,8 @@ class Desk:
         Raises:
             UserError: it is none of these, or there is nothing to fit, or other work is under way.
         """
-        with self._lock:
-            model, now = self._now(), self.state.now
+        with self.lock:
+            model, now = self.now(), self.state.now
             own = {effect.kind for effect in model.study.effects}
             forms = work.forms_of(kinds, self._diagnoses(model)) if what == "fit" else []
             ways: dict[str, tuple[Any, Callable[[work.ModelWork, str], dict[str, Any]]]] = {
@@ -376,114 +329,17 @@ class Desk:
                     found = does(task, key)
                 self.folder.keep_result(key, found)
 
-            self._keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
+            self.keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
             self.bench.begin(Job(what, key), go, lambda job, said: self._ended(job, said, now))
 
     def stop(self) -> None:
         """Stop the work that runs."""
         self.bench.stop()
 
-    def save(self, name: str = "") -> dict[str, Any]:
-        """Write the present model as a study, beside others that were saved; its path, its text and commands."""
-        with self._lock:
-            for target in self._targets(name):
-                text = self._written(target.name)
-                if not target.exists() or target.read_text(encoding="utf-8") == text:
-                    break
-            write_atomically(target, text)
-            return {
-                "name": target.name,
-                "path": str(target),
-                "yaml": text,
-                "commands": leaving.commands(self._way(target)),
-            }
-
-    def keep(self, what: str, name: str = "") -> dict[str, Any]:
-        """Save the study, and beside it the whole page, or the way as a notebook or as commands.
-
-        Raises:
-            UserError: it is none of `page`, `notebook` and `commands`.
-        """
-        if what not in KEPT:
-            raise UserError(f"'{what}' cannot be kept; choose one of {listed(list(KEPT))}.")
-        with self._slow:
-            model, now = self._present()
-            saved = self.save(name)
-            way = self._way(Path(saved["path"]))
-            target = Path(saved["path"]).with_suffix(KEPT[what])
-            with displayed_in(units_as_written(model.measurement)):
-                if what == "page":
-                    text = leaving.saved_page(model, now.effects, self._shown(model), saved["commands"])
-                elif what == "notebook":
-                    text = leaving.notebook(way, model.study.name)
-                else:
-                    text = "\n".join(["#!/bin/sh", "set -e", *saved["commands"], ""])
-            write_atomically(target, text)
-            return {
-                **saved,
-                "kept": target.name,
-                "kept_path": str(target),
-                "text": "" if what == "page" else text,
-            }
-
-    def as_yaml(self) -> dict[str, str]:
-        """The present model as a study's text; no study that was saved changes."""
-        with self._lock:
-            name = f"{name_of_file(self._now().path)}+page.yaml"
-            return {"yaml": self._written(name, leaving.anywhere)}
-
-    def report(self) -> str:
-        """`pliant compare`'s page of the present model on the training runs."""
-        with self._slow:
-            model, now = self._present()
-            with displayed_in(units_as_written(model.measurement)):
-                return page(leaving.present_document(model, now.effects)).html
-
-    # Inside
-
-    def _keep(self, state: PageState) -> None:
-        self.state = state.changed()
-        self.folder.keep(self.state)
-
-    def _opened(self) -> OpenModel:
-        """The model of the state's files; opened once."""
-        way = list(
-            dict.fromkeys([*(one.data for one in self.state.steps[: self.state.cursor]), self.state.data])
-        )
-        earlier = None
-        for data in way[: way.index(self.state.data) + 1]:
-            if (self.state.study, data) not in self._models:
-                files = [Path(one) for one in data]
-                earlier = OpenModel.open(Path(self.state.study), files, self.store, earlier)
-                self._models[self.state.study, data], self._catalogue = earlier, None
-                self._watch = Watch(earlier.study.plugins)
-            earlier = self._models[self.state.study, data]
-        assert earlier is not None
-        if not self.state.steps:
-            first = PageStep(AS_IT_IS, as_effects(earlier.own_effects), data=self.state.data)
-            self._keep(replace(self.state, steps=(first,), cursor=0))
-        held = self._models[self.state.study, self.state.data] = earlier.without(self.state.now.off)
-        return held
-
     def _tables(self) -> list[str]:
         """Names of tables that were dropped."""
         found = (one.name for one in self.folder.files.iterdir() if one.name[0] != ".")
         return sorted(name for name in found if Path(name).suffix.lower() in TABLES)
-
-    def _targets(self, name: str) -> Iterator[Path]:
-        """Files for a study of that name: none that says something else is written over."""
-        stem = name_of_file(Path(name)) if name else f"{name_of_file(self._now().path)}+page"
-        stem = stem or "study"
-        yield self.folder.saved / f"{stem}.yaml"
-        for k in itertools.count(2):
-            yield self.folder.saved / f"{stem}-{k}.yaml"
-
-    def _written(self, name: str, read: Callable[[Path], str] = _utf8) -> str:
-        """The present model as a study of that file name, read in a folder as deep as that of saved ones."""
-        with TemporaryDirectory(dir=self.folder.path) as beside:
-            target = Path(beside) / name
-            self._write_study(target)
-            return read(target)
 
     def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
         """Those of the models on the way to the present one, with the effects that each looked at."""
@@ -491,77 +347,22 @@ class Desk:
         found = [(one, self.folder.result(key_of("diagnose", model.key, one))) for one in way]
         return [(effects, result) for effects, result in found if result is not None]
 
-    def _way(self, saved: Path) -> leaving.Way:
-        """How the present model came to be."""
-        model, now = self._now(), self.state.now
-        known = self.folder.result(now.result) if now.result else None
-        diagnosis = self.folder.result(key_of("diagnose", model.key, model.own_effects))
-        found = known or {"what": "", "kinds": ()}
-        kinds = tuple(found["kinds"]) if found["what"] == "fit" else ()
-        learned = bool(found.get("learned"))
-        return leaving.Way(
-            model.path, model.data, diagnosis is not None, found["what"], kinds, learned, saved
-        )
-
-    def _write_study(self, target: Path) -> None:
-        """The present model as a study: as its fit wrote it, else with the values that a hand set."""
-        model, now = self._now(), self.state.now
-        known = self.folder.result(now.result) if now.result else None
-        written = self.folder.results / str(known["study"]) if known and known.get("study") else None
-        if written is not None and written.exists():
-            write_atomically(target, written.read_text(encoding="utf-8"))
-        else:
-            work.write_by_hand(target, model, now.effects)
-
-    def _reload(self, files: Sequence[str]) -> None:
-        """A file of the study's own effects says something else: read it anew, as the command line would."""
-        with self._lock:
-            self._models.clear()
-            self._keep(self.state)
-            self.said.append(f"{listed(files)} changed and is read anew.")
-            try:
-                self._opened().effects(self.state.now.effects)
-            except PliantError:
-                pass  # the view says what is wrong with the file; once it is mended it is read again
-            except ValidationError:
-                self.said.append(f"The effects of this step are no longer what {listed(files)} says; undone.")
-                self._keep(self.state.at(0))
-
-    def _now(self) -> OpenModel:
-        with self._lock:
-            if not self.state.study:
-                raise UserError("no study is open; drop one, or choose an example.")
-            return self._opened()
-
-    def _present(self) -> tuple[OpenModel, PageStep]:
-        """The model and the step that is looked at, of one moment."""
-        with self._lock:
-            return self._now(), self.state.now
-
-    def _shown(self, model: OpenModel) -> dict[str, Any]:
-        return shown(model, self.state, self.folder, self._listed(model))
-
-    def _listed(self, model: OpenModel) -> list[dict[str, Any]]:
-        if self._catalogue is None:
-            self._catalogue = catalogue(model)
-        return self._catalogue
-
     def _ended(self, job: Job, said: str, began: PageStep) -> None:
-        with self._lock:
+        with self.lock:
             if said:
                 self.said.append(said)
-            self._keep(replace(self.state, pending=None))
+            self.keep(replace(self.state, pending=None))
             if not said and (found := self.folder.result(job.key)) is not None:
                 self._take_result(job.what, job.key, found, began)
 
     def _take_result(self, what: str, key: str, found: Mapping[str, Any], began: PageStep) -> None:
         """A fit or an improvement becomes the present model; a diagnosis stands beside it."""
         if what == "diagnose":
-            self._keep(self.state)
+            self.keep(self.state)
             return
         named = listed(found["kinds"])
         words = {"fit": f"fitted {named}", "improve": f"improved: {named}" if named else "improved"}[what]
         step = PageStep(words, as_effects(found["effects"]), began.off, key, began.data)
         if what == "improve" and not found["kinds"]:
             self.said.append(str(found["sentence"]))
-        self._keep(self.state.with_step(step))
+        self.keep(self.state.with_step(step))

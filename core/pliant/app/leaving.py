@@ -1,24 +1,39 @@
-"""What a session leaves behind: its way as commands, as a notebook, and as a page that stands alone."""
+"""What a session leaves behind: studies, and beside them its way as commands, as a notebook, and as a whole page."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from pliant.app import work
+from pliant.app.folder import key_of
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
+from pliant.app.session import PageSession
 from pliant.config.paths import change_paths
-from pliant.config.writing import yaml_writer
+from pliant.config.writing import name_of_file, yaml_writer
 from pliant.config.yaml_file import read_yaml
-from pliant.formatting import number
+from pliant.errors import UserError
+from pliant.formatting import displayed_in, listed, number
+from pliant.measurements.written_units import units_as_written
 from pliant.report.comparison import comparison_document
 from pliant.report.document import Document, Drawn, Section, Table, Warned
 from pliant.report.render import page
+from pliant.store.store import write_atomically
+
+# What is kept beside a saved study, and its ending.
+KEPT = {"page": ".html", "notebook": ".ipynb", "commands": ".sh"}
+
+
+def _utf8(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -42,6 +57,104 @@ class Way:
     kinds: tuple[str, ...]
     learned: bool
     saved: Path
+
+
+class Leaving:
+    """What a session's present model is written as, beside what was written before."""
+
+    def __init__(self, session: PageSession) -> None:
+        self.session = session
+
+    def save(self, name: str = "") -> dict[str, Any]:
+        """Write the present model as a study, beside others that were saved; its path, its text and commands."""
+        with self.session.lock:
+            for target in self._targets(name):
+                text = self._written(target.name)
+                if not target.exists() or target.read_text(encoding="utf-8") == text:
+                    break
+            write_atomically(target, text)
+            return {
+                "name": target.name,
+                "path": str(target),
+                "yaml": text,
+                "commands": commands(self._way(target)),
+            }
+
+    def keep(self, what: str, name: str = "") -> dict[str, Any]:
+        """Save the study, and beside it the whole page, or the way as a notebook or as commands.
+
+        Raises:
+            UserError: it is none of `page`, `notebook` and `commands`.
+        """
+        if what not in KEPT:
+            raise UserError(f"'{what}' cannot be kept; choose one of {listed(list(KEPT))}.")
+        with self.session.slow:
+            model, now = self.session.present()
+            saved = self.save(name)
+            way = self._way(Path(saved["path"]))
+            target = Path(saved["path"]).with_suffix(KEPT[what])
+            with displayed_in(units_as_written(model.measurement)):
+                if what == "page":
+                    text = saved_page(model, now.effects, self.session.shown(model), saved["commands"])
+                elif what == "notebook":
+                    text = notebook(way, model.study.name)
+                else:
+                    text = "\n".join(["#!/bin/sh", "set -e", *saved["commands"], ""])
+            write_atomically(target, text)
+            return {
+                **saved,
+                "kept": target.name,
+                "kept_path": str(target),
+                "text": "" if what == "page" else text,
+            }
+
+    def as_yaml(self) -> dict[str, str]:
+        """The present model as a study's text; no study that was saved changes."""
+        with self.session.lock:
+            name = f"{name_of_file(self.session.now().path)}+page.yaml"
+            return {"yaml": self._written(name, anywhere)}
+
+    def report(self) -> str:
+        """`pliant compare`'s page of the present model on the training runs."""
+        with self.session.slow:
+            model, now = self.session.present()
+            with displayed_in(units_as_written(model.measurement)):
+                return page(present_document(model, now.effects)).html
+
+    def _targets(self, name: str) -> Iterator[Path]:
+        """Files for a study of that name: none that says something else is written over."""
+        stem = name_of_file(Path(name)) if name else f"{name_of_file(self.session.now().path)}+page"
+        stem = stem or "study"
+        yield self.session.folder.saved / f"{stem}.yaml"
+        for k in itertools.count(2):
+            yield self.session.folder.saved / f"{stem}-{k}.yaml"
+
+    def _written(self, name: str, read: Callable[[Path], str] = _utf8) -> str:
+        """The present model as a study of that file name, read in a folder as deep as that of saved ones."""
+        with TemporaryDirectory(dir=self.session.folder.path) as beside:
+            target = Path(beside) / name
+            self._write_study(target)
+            return read(target)
+
+    def _way(self, saved: Path) -> Way:
+        """How the present model came to be."""
+        model, now = self.session.now(), self.session.state.now
+        known = self.session.folder.result(now.result) if now.result else None
+        diagnosis = self.session.folder.result(key_of("diagnose", model.key, model.own_effects))
+        found = known or {"what": "", "kinds": ()}
+        kinds = tuple(found["kinds"]) if found["what"] == "fit" else ()
+        learned = bool(found.get("learned"))
+        return Way(model.path, model.data, diagnosis is not None, found["what"], kinds, learned, saved)
+
+    def _write_study(self, target: Path) -> None:
+        """The present model as a study: as its fit wrote it, else with the values that a hand set."""
+        model, now = self.session.now(), self.session.state.now
+        known = self.session.folder.result(now.result) if now.result else None
+        written = self.session.folder.results / str(known["study"]) if known and known.get("study") else None
+        if written is not None and written.exists():
+            write_atomically(target, written.read_text(encoding="utf-8"))
+        else:
+            work.write_by_hand(target, model, now.effects)
 
 
 def commands(way: Way) -> list[str]:

@@ -31,10 +31,10 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from pliant.app import leaving
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
 from pliant.app.inbox import receive, safe_name
+from pliant.app.leaving import Leaving, anywhere
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import as_effects
 from pliant.errors import PliantError, UserError
@@ -108,6 +108,7 @@ def _refusal(sentence: str) -> Response:
 
 def application(desk: Desk, token: str) -> Starlette:
     """The server's application on a session."""
+    leaving = Leaving(desk)
 
     def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
         async def handle(request: Request) -> Response:
@@ -154,9 +155,9 @@ def application(desk: Desk, token: str) -> Starlette:
             str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
         ),
         "stop": lambda v: desk.stop(),
-        "save": lambda v: desk.save(str(v.get("name", ""))),
-        "keep": lambda v: desk.keep(str(v["what"]), str(v.get("name", ""))),
-        "yaml": lambda v: desk.as_yaml(),
+        "save": lambda v: leaving.save(str(v.get("name", ""))),
+        "keep": lambda v: leaving.keep(str(v["what"]), str(v.get("name", ""))),
+        "yaml": lambda v: leaving.as_yaml(),
         "describe": lambda v: desk.describe(v),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,
@@ -177,14 +178,14 @@ def application(desk: Desk, token: str) -> Starlette:
         name = str(request.path_params["name"])
         found = _file(desk.folder.saved, name)
         if isinstance(found, FileResponse) and name.endswith(".yaml"):  # it will lie elsewhere
-            text = leaving.anywhere(desk.folder.saved / name)
+            text = anywhere(desk.folder.saved / name)
             named = {"Content-Disposition": found.headers["content-disposition"]}
             return Response(text, media_type=found.media_type, headers=named)
         return found
 
     async def report(request: Request) -> Response:
         try:
-            html = await run_in_threadpool(desk.report)
+            html = await run_in_threadpool(leaving.report)
         except PliantError as error:
             return PlainTextResponse(f"{error}\n", 422)
         return Response(html, media_type="text/html", headers={"Content-Security-Policy": OF_REPORTS})

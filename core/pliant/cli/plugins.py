@@ -98,7 +98,7 @@ def check(
             f"unknown interface '{interface}'{closest(interface, INTERFACES)} "
             f"Interfaces: {', '.join(INTERFACES)}."
         )
-    outcomes = run_checks(here.registry.get(interface, kind))
+    outcomes = run_checks(here.registry.get(interface, kind), here.progress)
     marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
     for outcome in outcomes:
         here.say(f"{marks[outcome.status]}  {outcome.name}", markup=True)

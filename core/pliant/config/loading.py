@@ -13,15 +13,15 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from ruamel.yaml.comments import CommentedMap
-from ruamel.yaml.error import YAMLError
 
 from pliant.config.designs import sweep_designs
-from pliant.config.paths import PATH_KEYS, change_paths
+from pliant.config.overrides import merge, overridden
+from pliant.config.paths import change_paths
 from pliant.config.problems import at_place, sentences
 from pliant.config.searched import search_variables
-from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
+from pliant.config.study import Study, normalised, study_model, varied
 from pliant.config.study_keys import study_key
-from pliant.config.yaml_file import DEEPEST, KeyPath, Plain, bounded_yaml, neighbours, read_yaml
+from pliant.config.yaml_file import KeyPath, Plain, neighbours, read_yaml
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
@@ -75,7 +75,7 @@ def load_study(
     for remark in sources.remarks:
         note(remark)
     for override in overrides:
-        raw = _override(raw, override, sources)
+        raw = overridden(raw, override, sources.places)
     raw = normalised(raw)
     own = _plugin_files(raw, sources)
     if code := not_run_yet(own):  # before it runs: the study may be someone else's
@@ -182,7 +182,7 @@ class StudyFile:
 
 def with_override(values: Mapping[str, Any], override: str) -> dict[str, Any]:
     """The values of a study file with "key=value" applied."""
-    return normalised(_override(dict(values), override, _Sources()))
+    return normalised(overridden(dict(values), override, {}))
 
 
 def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
@@ -244,58 +244,3 @@ def base_of(value: Any, place: str) -> Extends | None:
 def plain_values(node: Any, path: Path = Path()) -> Any:
     """What a parsed YAML tree says, as plain values; raises `UserError` for tags and endless aliases."""
     return Plain(path).values(node)
-
-
-def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Deep merge; changing a block's `kind` clears the block, lists are replaced."""
-    result = dict(base)
-    for key, value in changes.items():
-        old = result.get(key)
-        if isinstance(old, str) and key in BLOCKS:
-            old = {"kind": old}
-        if isinstance(value, str) and key in BLOCKS:
-            value = {"kind": value}
-        if isinstance(old, Mapping) and isinstance(value, Mapping):
-            same = value.get("kind", old.get("kind")) == old.get("kind")
-            result[key] = merge(old, value) if same else dict(value)
-        else:
-            result[key] = value
-    return result
-
-
-def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, Any]:
-    """Apply one "a.b=value"."""
-    key, equals, written = text.partition("=")
-    parts = key.strip().split(".")
-    if not equals or not all(parts):
-        raise UserError(f"'{text}' is not an override; write key=value, for example physics.kind=mujoco.")
-    if len(parts) > DEEPEST:
-        raise UserError(f"override '{text}': its key has {len(parts)} parts; {DEEPEST} are the most.")
-    try:
-        value = Plain(Path("override")).values(bounded_yaml(Path("override")).load(written))
-    except (YAMLError, ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError):
-        value = written
-    if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
-        value = str(Path(value).absolute())
-    elif parts[0] == "plugins" and isinstance(value, list):
-        value = [str(Path(f).absolute()) if isinstance(f, str) else f for f in value]
-    path: KeyPath = tuple(int(p) if p.isascii() and p.isdigit() else p for p in parts)
-    sources.places[path] = f"override {text}"
-    return merge(raw, _nested(raw, path, value, text))
-
-
-def _nested(raw: Any, path: KeyPath, value: Any, text: str) -> Any:
-    """The override as a mapping to merge; list items are set in a copy of the list."""
-    if not path:
-        return value
-    head, rest = path[0], path[1:]
-    if isinstance(head, int):
-        items = list(raw) if isinstance(raw, list) else []
-        if head >= len(items):
-            raise UserError(f"override '{text}': there is no item {head}; the list has {len(items)}.")
-        inner = _nested(items[head], rest, value, text)
-        both = isinstance(inner, Mapping) and isinstance(items[head], Mapping)
-        items[head] = merge({"": items[head]}, {"": inner})[""] if both else inner
-        return items
-    below = raw.get(head) if isinstance(raw, Mapping) else None
-    return {head: _nested(below, rest, value, text)}

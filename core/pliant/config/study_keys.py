@@ -18,7 +18,7 @@ from pliant.config.study import BLOCKS, Study, varied, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
-from pliant.units import Quantity
+from pliant.units import quantities_in
 
 KeyPath = tuple[str | int, ...]
 # What a key holds, as far as a search cares: a choice is a text out of a few, anything else is "other".
@@ -232,7 +232,7 @@ def _mapping_values(annotation: Any) -> Any:
 def _sort(annotation: Any) -> tuple[Sort, str]:
     """What a type holds, and the unit that it is annotated with."""
     arms = [arm for arm in _arms(annotation) if arm is not type(None)]
-    unit = next(_units(annotation), "")
+    unit = next((one.unit for one in quantities_in(annotation)), "")
     if float in arms:
         return "real", "" if unit == "dimensionless" else unit
     if int in arms:
@@ -242,13 +242,6 @@ def _sort(annotation: Any) -> tuple[Sort, str]:
     if arms and all(arm is str or get_origin(arm) is Literal for arm in arms):
         return "text", ""
     return "other", ""
-
-
-def _units(annotation: Any) -> Iterator[str]:
-    if isinstance(annotation, Quantity):
-        yield annotation.unit
-    for argument in get_args(annotation) if get_origin(annotation) is not Literal else ():
-        yield from _units(argument)
 
 
 def _unless_given(value: Any) -> str:

@@ -7,7 +7,6 @@ import io
 import json
 import os
 import re
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from pliant.config.paths import change_paths
 from pliant.config.yaml_file import KeyPath, read_yaml
 from pliant.errors import UserError
 from pliant.registry.discovery import Registry
+from pliant.store.store import whole_file
 from pliant.units import UnitError, parse_quantity, si_unit, strip_unit_suffix
 
 DIGITS = 16  # of the base's digest
@@ -145,16 +145,9 @@ class StudyDraft:
                 meant.
         """
         refuse_bases(target, self._base)
-        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=".yaml", dir=target.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(self.text(target, full, head))
-            _check(Path(name), meant, registry)
-            Path(name).chmod(0o644)
-            Path(name).replace(target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with whole_file(target) as partial:
+            partial.write_text(self.text(target, full, head), encoding="utf-8")
+            _check(partial, meant, registry)
 
     def _whole(self, folder: Path) -> CommentedMap:
         """The source and its bases as one tree with their comments, changed to the draft's values."""

@@ -19,6 +19,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent import futures
@@ -34,6 +35,7 @@ THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXP
 MOST_WORKERS = 1024
 MOST_THREADS = 4  # what stays under Python's lock, about a fifth of a diagnosis, keeps more of them waiting
 CONNECT_S = 10
+COUNT_EVERY_S = 10.0
 
 
 class Executor(ABC):
@@ -50,6 +52,10 @@ class Executor(ABC):
     @abstractmethod
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         """Begin a call of a module's function with plain values; its future."""
+
+    def at_once(self) -> int | None:
+        """How many run at a time as things stand; None where that is not known."""
+        return self.size
 
     def restart(self) -> bool:
         """Replace the workers after one has died; False where that is not possible."""
@@ -158,6 +164,13 @@ class DaskExecutor(FuturesExecutor):
                 f"no scheduler answers at {scheduler} ({cause[:200]}); start one with 'dask scheduler'."
             ) from None
         super().__init__(self._client.get_executor())
+        self._counted: tuple[float, int | None] = (-COUNT_EVERY_S, None)
+
+    def at_once(self) -> int | None:
+        """Threads of all workers, asked for now and then: they come and go."""
+        if time.monotonic() - self._counted[0] >= COUNT_EVERY_S:
+            self._counted = time.monotonic(), sum(self._client.nthreads().values()) or None
+        return self._counted[1]
 
     def shutdown(self, at_once: bool) -> None:
         self._client.close(timeout=CONNECT_S)

@@ -33,6 +33,7 @@ class CellKind:
         nodes: of a cell.
         faces: (k, nodes of a face) local nodes, normals out of a right-handed cell.
         face_key: local nodes of a face that tell it from all others.
+        face_corners: local nodes of a face's corners, one after the other around it.
         triangles: (t, 3) a face's nodes as plane triangles.
         sample_points: reference points (q, 3) at which Jacobians are judged.
         shape_slopes, jacobians, quadrature, boundary_faces, face_quadrature: as in `hexahedra`.
@@ -42,6 +43,7 @@ class CellKind:
     nodes: int
     faces: IntArray
     face_key: tuple[int, ...]
+    face_corners: tuple[int, ...]
     triangles: IntArray
     sample_points: Callable[[], Array]
     shape_slopes: Callable[[Array], Array]
@@ -56,6 +58,7 @@ HEXAHEDRON = CellKind(
     nodes=27,
     faces=hexahedra.FACES,
     face_key=(hexahedra.FACE_CENTRE,),
+    face_corners=(0, 2, 8, 6),
     triangles=SQUARE,
     sample_points=hexahedra.sample_points,
     shape_slopes=hexahedra.shape_slopes,
@@ -69,6 +72,7 @@ TETRAHEDRON = CellKind(
     nodes=10,
     faces=tetrahedra.FACES,
     face_key=(0, 1, 2),
+    face_corners=(0, 1, 2),
     triangles=tetrahedra.TRIANGLES,
     sample_points=tetrahedra.sample_points,
     shape_slopes=tetrahedra.shape_slopes,
@@ -103,15 +107,28 @@ def face_keys(faces: IntArray) -> IntArray:
     return np.sort(faces[:, kind_of_faces(faces).face_key], axis=1)
 
 
+def loose_edges(faces: IntArray) -> IntArray:
+    """(e, 2) node ids of the edges, by their corners, that belong to one of the faces only."""
+    corners = faces[:, kind_of_faces(faces).face_corners]
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(unique[count == 1])
+
+
 def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:
     """Signed volumes (m,) in m³, exact."""
     return np.asarray(kind_of(cells).quadrature(nodes_m, cells, 3)[1].sum(axis=1))
 
 
+def area_vectors(nodes_m: Array, faces: IntArray) -> Array:
+    """∫ n dA (f, 3) in m² over each face."""
+    _, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
+    return np.asarray(normals.sum(axis=1))
+
+
 def area_vector(nodes_m: Array, faces: IntArray) -> Array:
     """∮ n dA (3,) in m² over faces: zero if they are closed."""
-    _, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
-    return np.asarray(normals.sum(axis=(0, 1)))
+    return np.asarray(area_vectors(nodes_m, faces).sum(axis=0))
 
 
 def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:

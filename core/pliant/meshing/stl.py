@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.errors import UserError, closest
+from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant.records.shape import TriangleMesh
+from pliant.regular_files import require_there
 
 HEAD = 84  # bytes before the triangles of a binary file
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -21,9 +22,7 @@ def read_stl(path: Path, scale: float = 1.0) -> TriangleMesh:
     Raises:
         UserError: no such file, no STL, or no triangles in it.
     """
-    if not path.is_file():
-        beside = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
-        raise UserError(f"surface '{path}' is no file{closest(path.name, beside)}")
+    require_there(path, f"surface '{path}'")
     raw = path.read_bytes()
     corners = _binary(raw)
     if corners is None:

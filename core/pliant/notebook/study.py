@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant import api
+from pliant.config.overrides import as_overrides
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.extension import Extension, write_extended_study
@@ -19,7 +20,6 @@ from pliant.execution.executors import Workers
 from pliant.formatting import displayed_in
 from pliant.measurements.written_units import units_as_written
 from pliant.notebook import frames
-from pliant.notebook.changes import as_overrides
 from pliant.notebook.result import Fitted, Result, Simulated
 from pliant.pipeline.study import law_of_table, physics_of_study
 from pliant.records.law import JointLaw

@@ -14,6 +14,7 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
 from pliant.meshing.cells import HEXAHEDRON, SquareSkin
+from pliant.meshing.soundness import found_wrong
 from pliant.pipeline.sampling.plan import sample
 from pliant.pipeline.sampling.strategies import loads_of
 from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling
@@ -106,6 +107,8 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         bench.progress.note(remark)
 
     def pieces_of(problems: Mapping[str, ModuleProblem]) -> list[Piece]:
+        for one in problems.values():
+            require_sound(one, family.kind)
         return [piece_of(name, one, backend.checked_solver(one, substance)) for name, one in problems.items()]
 
     def compute(partial: Path) -> ModuleData:
@@ -171,6 +174,19 @@ def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
         bool(np.all(np.abs(column[row] - value) <= AGREEMENT * np.nanmax(np.abs(column))))
         for column, value in pairs
     )
+
+
+def require_sound(problem: ModuleProblem, kind: str) -> None:
+    """Raise `UserError` for what a family's problem lacks to be solved as it is meant.
+
+    A problem of a class of its own is for its own backend to judge: its mesh may stand for something else.
+    """
+    found = found_wrong(problem) if type(problem) is ModuleProblem else ""
+    if found:
+        raise UserError(
+            f"the mesh of the family '{kind}' cannot be solved as it is: {found}. "
+            f"'pliant check family {kind}' looks at more."
+        )
 
 
 def piece_of(name: str, problem: ModuleProblem, solver: ModuleSolver) -> Piece:

@@ -1,31 +1,22 @@
-"""Charts of a page: the chain's pose, a law with its states, a search as it went, what a diagnosis rests on."""
+"""Charts of a chain's pose, of a law with its states, and of the states alone."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.colors import Normalize, to_hex
 
-from pliant.diagnosis.evidence_table import NOTHING
-from pliant.diagnosis.verdict import named
-from pliant.formatting import actuation_unit, deformation_unit, display_unit, effort_unit, unit_of
+from pliant.formatting import actuation_unit, deformation_unit, display_unit, effort_unit
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
-from pliant.report.evidence_view import Diagnosed, abscissa, clock, clock_words, input_of, thin
 from pliant.report.figures import style
-from pliant.report.figures.charts import level_line
-from pliant.report.figures.diagnosis import AS_IT_IS, BAND, BAND_COLOUR, FIRST, MOST, OTHER, WITH, name_of
 from pliant.report.figures.fem import Groups
 from pliant.report.figures.finger import LEVELS, views
 from pliant.report.figures.law import angle_range, curve_levels
-from pliant.report.figures.search_course import MOST_PAIRS, moving_median, shown_range
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.run_view import band_of, history_levels, law_of, rest_markers
-from pliant.report.search_view import SearchView
 
 
 def pose_chart(run: FinishedRun) -> Chart:
@@ -161,150 +152,3 @@ def _missed(design: DesignResult, data: FemDataset, x: ChartAxis, u_factor: floa
     return Panel(
         x, ChartAxis("law − state", "% of effort range"), lines, title="What it misses", zero=style.SOFT
     )
-
-
-CANDIDATE = "#6f9dc2"
-MOST_DRAWN = 8000  # candidates; of more every n-th, while the best so far has all of them
-
-
-def history_chart(read: SearchView) -> Chart | None:
-    """Candidates' objectives and the best so far, branch by branch; None where none has an objective."""
-    scores = read.scores()
-    finite = np.isfinite(scores)
-    if not finite.any():
-        return None
-    better = np.fmax if read.objective.maximised else np.fmin
-    branch, context = np.asarray(read.result.history.branch), np.asarray(read.result.history.context)
-    names = read.branch_names()
-    lines: list[ChartLine] = []
-    stride = -(-len(scores) // MOST_DRAWN)
-    winner = read.best_of_branches()[0][0] if read.best_of_branches() else -1
-    for k in np.unique(branch).tolist():
-        mine = np.flatnonzero(branch == k)
-        x, run = np.arange(1.0, len(mine) + 1), names[k] if len(names) > 1 else ""
-        lines.append(ChartLine("candidate", x[::stride], scores[mine][::stride], run, CANDIDATE, 0.0, 3.5))
-        if not read.contextual:
-            won = len(names) > 1 and k == winner
-            look = (style.WARN, 2.4) if won else (style.SERIES[0], 1.8 if len(names) < 2 else 0.7)
-            at, best = _steps(x, better.accumulate(scores[mine]))
-            lines.append(ChartLine("best so far", at, best, run, *look))
-            continue
-        for which in np.unique(context[context >= 0]).tolist():
-            rows = np.flatnonzero((context[mine] == which) & finite[mine])
-            if len(rows):
-                at, median = moving_median(x[rows], scores[mine][rows])
-                shade = style.SERIES[which % 6]
-                lines.append(ChartLine("moving median", at, median, read.condition(which), shade, 2.0))
-    low, high = shown_range(scores, read.objective.maximised)
-    pad = 0.06 * (high - low) or 0.05 * max(abs(high), 1e-12)
-    y = ChartAxis(read.objective.unit.label, read.objective.unit.symbol)
-    title = f"Objective of every candidate ({read.objective.best_word})"
-    panel = Panel(ChartAxis("candidate"), y, tuple(lines), title=title, y_range=(low - pad, high + pad))
-    return Chart((panel,))
-
-
-def front_chart(read: SearchView) -> Chart | None:
-    """A panel per pair of objectives; None for one objective."""
-    pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
-    if not pairs or not read.result.best:
-        return None
-    panels, stride = [], -(-len(read.scores()) // MOST_DRAWN)
-    for pair in pairs:
-        one, other = (read.objectives[k] for k in pair)
-        points = np.array(
-            [[d.objectives[o.name] * o.unit.factor for o in (one, other)] for d in read.result.best]
-        )
-        scores = [read.scores(k)[::stride] for k in pair]
-        points = points[np.argsort(points[:, 0])]
-        width = 1.2 if len(read.objectives) == 2 else 0.0
-        lines = (
-            ChartLine("candidate", scores[0], scores[1], "", CANDIDATE, 0.0, 3.5),
-            ChartLine("front", points[:, 0], points[:, 1], "", style.WARN, width, 6.0),
-        )
-        axes = [ChartAxis(o.unit.label, o.unit.symbol) for o in (one, other)]
-        below = "; ".join(f"{o.unit.label}: {o.best_word}" for o in (one, other))
-        panels.append(Panel(axes[0], axes[1], lines, title="The front among all candidates", below=below))
-    return Chart(tuple(panels))
-
-
-def _steps(x: Array, y: Array) -> tuple[Array, Array]:
-    """Corners of a staircase that keeps each value until it changes."""
-    turns = np.flatnonzero(np.append(True, y[1:] != y[:-1]) | (np.arange(len(y)) == len(y) - 1))
-    return np.repeat(x[turns], 2)[1:], np.repeat(y[turns], 2)[:-1]
-
-
-def explained_chart(diagnosed: Diagnosed, output: str) -> Chart:
-    """Per telling run a panel of the readings, one of the errors in a band of ± 2 floors, one of the loop."""
-    driver = abscissa(diagnosed.before)
-    words = unit_of(output)
-    models = [("model as it is", AS_IT_IS, diagnosed.predicted(NOTHING))]
-    for kinds, colour in zip(diagnosed.explanations, WITH, strict=False):
-        models.append((f"model with {named(kinds)}", colour, diagnosed.predicted(kinds)))
-    half = BAND * diagnosed.floor(output) * words.factor
-    panels = []
-    for name in diagnosed.telling_runs(MOST):
-        index = next(k for k, one in enumerate(diagnosed.measurement.runs) if one.name == name)
-        run = diagnosed.measurement.runs[index]
-        pick = thin(len(run))
-        time, measured = clock(run)[0][pick], words.factor * run.outputs[output][pick]
-        lines: list[ChartLine] = []
-        errors: list[ChartLine] = []
-        over = None if driver is None else driver[1].factor * input_of(run, driver[0])[pick]
-        for model, colour, predicted in models:
-            values = words.factor * predicted[index][output][pick]
-            lines.append(ChartLine(model, time, values, name, colour, 1.5))
-            errors.append(ChartLine(model, time, measured - values, name, colour, 1.0))
-        lines.append(
-            ChartLine("measured", time, measured, name, style.INK, 0.9, 3.0 if len(pick) < 40 else 0.0)
-        )
-        x = ChartAxis(*clock_words(run))
-        top = Panel(x, ChartAxis(words.label, words.symbol), tuple(lines), title=name, linked=name)
-        bands: tuple[Band, ...] = ()
-        if np.isfinite(half):
-            ends, high = level_line(time, half)
-            bands = (Band("± 2 noise floors", ends, -high, high, name, BAND_COLOUR),)
-        below = replace(
-            top,
-            y=ChartAxis("error", words.symbol),
-            lines=tuple(errors),
-            bands=bands,
-            title="",
-            zero=style.SOFT,
-        )
-        panels += [top, below]
-        if driver is not None and over is not None:
-            loops = tuple(replace(line, x=over) for line in lines)
-            x = ChartAxis(driver[1].label, driver[1].symbol)
-            panels.append(replace(top, x=x, lines=loops, title="", linked=""))
-    return Chart(tuple(panels), column=2 if driver is None else 3)
-
-
-def hypotheses_chart(diagnosed: Diagnosed) -> Chart:
-    """Bars of probability, and of the rms error on runs left out over the noise floor where it is known."""
-    shown = diagnosed.hypotheses()
-    names = tuple(name_of(kinds).replace("\n", " ") for kinds in shown)
-    credible = set(diagnosed.found.judgement.credible)
-    y, ends = ChartAxis("explanation", names=names), (-len(shown) + 0.4, 0.6)
-    shares = [100 * diagnosed.found.judgement.probability.get(kinds, 0.0) for kinds in shown]
-    errors = [diagnosed.left_out_error(kinds) for kinds in shown]
-
-    def bars(values: list[float]) -> tuple[ChartLine, ...]:
-        return tuple(
-            ChartLine(
-                name,
-                np.array([0.0, v]),
-                np.full(2, -float(k)),
-                "",
-                FIRST if kinds in credible else OTHER,
-                7.0,
-            )
-            for k, (name, kinds, v) in enumerate(zip(names, shown, values, strict=True))
-            if np.isfinite(v)
-        )
-
-    panels = [Panel(ChartAxis("probability", "%"), y, bars(shares), title="How probable", y_range=ends)]
-    if np.isfinite(errors).any():
-        floor = ChartLine("noise floor", np.ones(2), np.array(ends), "", style.WARN, 1.2)
-        x = ChartAxis("rms error on runs left out of the fit, in noise floors")
-        panels.append(Panel(x, y, (*bars(errors), floor), title="How much error it leaves", y_range=ends))
-    return Chart(tuple(panels))

@@ -222,11 +222,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.charts import (  # matplotlib takes a second to import
-        explained_chart,
-        hypotheses_chart,
-    )
-    from pliant.report.figures import diagnosis as figures
+    from pliant.report.figures import diagnosis as figures  # matplotlib takes a second to import
     from pliant.report.learned import learned_section
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
@@ -247,7 +243,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     )
     made = [
         _next(found),
-        _changes(diagnosed, figures.explained_runs, explained_chart),
+        _changes(diagnosed, figures.explained_runs, figures.explained_chart),
         learned_section(found.learned),
         section(
             "What the error depends on",
@@ -276,7 +272,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         "together at least 90 % probable. A good explanation brings the error on runs that it was not fitted to down "
         "to the noise floor, with few parameters; a lower error with more parameters need not be more probable."
     )
-    hero = Picture("hypotheses", caption, figures.hypotheses(diagnosed), hypotheses_chart(diagnosed))
+    hero = Picture("hypotheses", caption, figures.hypotheses(diagnosed), figures.hypotheses_chart(diagnosed))
     return drawn(hero, *made)
 
 

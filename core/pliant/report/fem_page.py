@@ -142,7 +142,7 @@ def states_table(data: ModuleData) -> Table:
     if touching := int(np.sum(data.status == TOUCHING)):
         note += f" In {touching} states walls touch and hold each other, without friction."
     if passed := int(np.sum(data.status == PASSED)):
-        note += f" In {passed} states convolutions pass through each other, as 'fem.self_contact: pass' lets them."
+        note += f" In {passed} states walls pass through each other, as 'fem.self_contact: pass' lets them."
     if copies > 1:  # the rest state may cost nothing either
         note += (
             f" {copies} states are copies: mirror images at −u, and free states that belong to several axes."

@@ -85,14 +85,14 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
     found = []
     if contact := int(np.sum(data.status == SELF_CONTACT)):
         tendon = data.actuation_name == "tendon_force_n"
-        touching = "links that would meet" if tendon else "touching convolutions"
+        touching = "links that would meet" if tendon else "touching walls"
         found.append(
             f"{contact} of {len(data)} states have {touching}, which nothing holds: the law's domain ends where they "
             "take over, and inside it they are too soft."
         )
     if passed := int(np.sum(data.status == PASSED)):
         found.append(
-            f"In {passed} of {len(data)} states convolutions pass through each other, as 'fem.self_contact: pass' "
+            f"In {passed} of {len(data)} states walls pass through each other, as 'fem.self_contact: pass' "
             "lets them: a real module is stiffer there."
         )
     if met := int(np.sum(data.status == TOUCHING)):

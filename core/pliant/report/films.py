@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import importlib
 import itertools
-import os
 import shutil
 import subprocess
-import tempfile
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -17,24 +14,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pliant.errors import MissingDependencyError, UserError, closest
+from pliant.store.store import whole_file
 
 Frame = NDArray[np.uint8]
 GIF_TICK_S = 0.01  # the format counts in hundredths of a second
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, which takes its place at the end; an error or Ctrl-C leaves no file behind."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-    os.close(handle)
-    partial = Path(name)
-    try:
-        yield partial
-        os.umask(mask := os.umask(0))
-        partial.chmod(0o666 & ~mask)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def write_film(path: Path, fps: float, frames: Iterable[Frame]) -> None:

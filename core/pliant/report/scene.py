@@ -24,7 +24,7 @@ from pliant.user_text import visible
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class SceneSkin:
     """A piece at several levels, straight; it is bent about y where it stands.
 
     Attributes:
@@ -50,7 +50,7 @@ class Copy:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class SceneBody:
     """What moves as one: copies of a skin, and in each of f states its level, its bend and its place.
 
     Attributes:
@@ -100,8 +100,8 @@ class DrawnScene:
 
     slider: str
     states: tuple[str, ...]
-    skins: tuple[Skin, ...]
-    bodies: tuple[Body, ...]
+    skins: tuple[SceneSkin, ...]
+    bodies: tuple[SceneBody, ...]
     colourings: tuple[Colouring, ...]
     camera: Array
     middle_m: Array

@@ -9,7 +9,6 @@ import numpy as np
 
 from pliant.formatting import number, percent, seconds
 from pliant.report.chart import Chart
-from pliant.report.charts import front_chart, history_chart
 from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, drawn, picture, section
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
@@ -21,7 +20,13 @@ from pliant.report.figures.search_best import (
     search_successes,
     search_verified,
 )
-from pliant.report.figures.search_course import branch_strip, search_front, search_history
+from pliant.report.figures.search_course import (
+    branch_strip,
+    front_chart,
+    history_chart,
+    search_front,
+    search_history,
+)
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.style import Png
 from pliant.report.provenance import input_table

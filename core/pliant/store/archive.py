@@ -11,7 +11,6 @@ and its unpacked size is bounded. Whoever imports one believes its author's numb
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import tempfile
@@ -26,7 +25,7 @@ from pliant import __version__
 from pliant.errors import UserError
 from pliant.regular_files import require_regular
 from pliant.store.inventory import Entry
-from pliant.store.store import ARRAYS, MANIFEST, VALUE, CorruptedError, load_artifact, writing_in
+from pliant.store.store import ARRAYS, MANIFEST, VALUE, CorruptedError, load_artifact, whole_file, writing_in
 from pliant.store.uses import Uses
 
 INDEX, FORMAT = "archive.json", 1
@@ -74,19 +73,15 @@ def write_archive(target: Path, name: str, study: Path, artifacts: Sequence[Entr
     ):
         raise UserError(f"{wrong.partition('/')[2]}: no archive can hold a file of this name; rename it.")
     index = {"format": FORMAT, "pliant": __version__, "study": name, "file": study.name}
-    with writing_in(target.parent):
-        handle, temporary = tempfile.mkstemp(prefix=".writing-", dir=target.parent)
-        try:
-            with os.fdopen(handle, "wb") as raw, zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as made:
-                made.writestr(zipfile.ZipInfo(INDEX, FIXED), json.dumps(index, indent=1))
-                for inside, path in files.items():
-                    with path.open("rb") as source, made.open(zipfile.ZipInfo(inside, FIXED), "w") as sink:
-                        shutil.copyfileobj(source, sink)
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(target)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+    with (
+        writing_in(target.parent),
+        whole_file(target) as partial,
+        zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as made,
+    ):
+        made.writestr(zipfile.ZipInfo(INDEX, FIXED), json.dumps(index, indent=1))
+        for inside, path in files.items():
+            with path.open("rb") as source, made.open(zipfile.ZipInfo(inside, FIXED), "w") as sink:
+                shutil.copyfileobj(source, sink)
 
 
 def import_archive(path: Path, root: Path, folder: Path) -> Imported:

@@ -23,6 +23,7 @@ from pydantic import ValidationError
 
 from pliant.config.problems import sentences
 from pliant.errors import ContractError, MissingDependencyError, PliantError, UserError
+from pliant.execution.progress import Progress, Silent, bar_of
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.registry.component import Component
 
@@ -256,34 +257,40 @@ def checks_for(interface: str) -> tuple[Check, ...]:
     return tuple(sorted(every, key=lambda check: not check.declares))
 
 
-def run_checks(component: Component) -> list[CheckOutcome]:
+def run_checks(component: Component, progress: Progress | None = None) -> list[CheckOutcome]:
     """Run a component's suite in stages; never raises for what the component does.
 
-    A broken clause of the first stage (manifest, config, signature) stops the rest, and what fails by the same line of
-    the plugin as a check before it is not counted again: both are skipped, and say which check names the cause.
+    A broken clause of the first stage (manifest, config, signature; of a family its elements) stops the rest, and what
+    fails by the same line of the plugin as a check before it is not counted again: both are skipped, and say which
+    check names the cause.
     """
-    subject = Subject(component)
+    subject, checks = Subject(component), checks_for(component.interface)
     outcomes: list[CheckOutcome] = []
     first = ""
     causes: dict[tuple[str, str, int], str] = {}
-    for check in checks_for(component.interface):
-        started = time.perf_counter()
-        status: Status = "passed"
-        message = ""
-        try:
-            if first:
-                raise CheckSkipped(f"not run: '{first}' fails first")
-            check.run(subject)
-        except CheckSkipped as skipped:
-            status, message = "skipped", str(skipped)
-        except CheckFailure as failure:
-            status, message = "failed", str(failure)
-            place = failure.raised_at
-            if place and causes.setdefault(place, check.name) != check.name:
-                status, message = "skipped", f"it fails where '{causes[place]}' does"
-            first = check.name if check.declares and status == "failed" else ""
-        wall_s = time.perf_counter() - started
-        outcomes.append(CheckOutcome(check.interface, component.kind, check.name, status, message, wall_s))
+    with bar_of(progress or Silent(), "checks", len(checks)) as bar:
+        for check in checks:
+            bar.describe(check.name)
+            started = time.perf_counter()
+            status: Status = "passed"
+            message = ""
+            try:
+                if first:
+                    raise CheckSkipped(f"not run: '{first}' fails first")
+                check.run(subject)
+            except CheckSkipped as skipped:
+                status, message = "skipped", str(skipped)
+            except CheckFailure as failure:
+                status, message = "failed", str(failure)
+                place = failure.raised_at
+                if place and causes.setdefault(place, check.name) != check.name:
+                    status, message = "skipped", f"it fails where '{causes[place]}' does"
+                first = check.name if check.declares and status == "failed" else ""
+            wall_s = time.perf_counter() - started
+            outcomes.append(
+                CheckOutcome(check.interface, component.kind, check.name, status, message, wall_s)
+            )
+            bar.advance()
     return outcomes
 
 

@@ -6,11 +6,10 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import partial
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from pliant.interfaces.effect import Effect
 from pliant.interfaces.family import ActuatorFamily
@@ -26,7 +25,7 @@ from pliant.registry.component import CONFIG_BASES
 from pliant.registry.discovery import discover
 from pliant.registry.files import FILE_MODULE
 from pliant.testing import Subject, require, require_refused
-from pliant.units import UNIT_SUFFIXES, Quantity
+from pliant.units import UNIT_SUFFIXES, quantities_in
 
 # Interface → the classes of which a component's implementation subclasses one.
 IMPLEMENTATIONS: dict[str, tuple[type[Any], ...]] = {
@@ -99,7 +98,7 @@ def config_survives_json(subject: Subject) -> None:
 def quantities_carry_their_unit(subject: Subject) -> None:
     """a quantity's field is named with its SI unit (`wall_m`, `pressure_pa`)."""
     for name, field in subject.model.model_fields.items():
-        for unit in {q.unit for q in _quantities((field.annotation, *field.metadata))} - {"dimensionless"}:
+        for unit in {q.unit for q in quantities_in(field.annotation, *field.metadata)} - {"dimensionless"}:
             suffixes = tuple(suffix for suffix, u in UNIT_SUFFIXES.items() if u == unit)
             ends = f"does not end in {' or '.join(suffixes)}"
             require(name.endswith(suffixes), f"field '{name}' is a quantity in {unit} but {ends}")
@@ -203,18 +202,3 @@ def describes_itself(subject: Subject) -> None:
             own and own not in {base.__doc__ for base in bases},
             f"{thing.__name__} has no docstring of its own",
         )
-
-
-def _quantities(items: tuple[Any, ...]) -> Iterator[Quantity]:
-    """Quantity annotations anywhere inside annotations such as `tuple[Length, ...] | None`."""
-    for item in items:
-        if isinstance(item, Quantity):
-            yield item
-        else:
-            yield from _quantities((*get_args(item), *getattr(item, "__metadata__", ())))
-
-
-def quantity_of(model: type[BaseModel], name: str) -> Quantity | None:
-    """The quantity of a field, or None where it is a plain number, text or block."""
-    field = model.model_fields[name]
-    return next(_quantities((field.annotation, *field.metadata)), None)

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.errors import ContractError, InvalidDesignError, UserError
+from pliant.errors import InvalidDesignError, UserError
 from pliant.interfaces.family import ActuatorFamily
-from pliant.meshing.cells import (
-    area_vector,
-    boundary_faces,
-    cell_volumes,
-    enclosed_volume,
-    face_keys,
-    kind_of,
+from pliant.meshing.cells import cell_volumes
+from pliant.meshing.soundness import (
+    body_found,
+    cavities_found,
+    cells_found,
+    ends_found,
+    hollows_found,
+    links_found,
+    nodes_found,
+    supports_found,
 )
 from pliant.records.actuation import expected, is_known
-from pliant.records.actuation import kind_of as actuation_kind
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.law import EXTENSIBLE_AXES, N_AXES
-from pliant.testing import Finding, Subject, agree, once, require, require_refused
-from pliant.testing.common import quantity_of
+from pliant.testing import Finding, Subject, agree, declared, once, require, require_refused
+from pliant.units import quantities_in
 
 # Meshes follow curved walls by quadratic faces; this share of the volume may be lost.
 VOLUME_TOLERANCE = 0.02
@@ -54,149 +57,48 @@ def _has_rigid_ends(subject: Subject) -> bool:
     return problem.deformation_scale * problem.span_m < (1 - 1e-9) * length
 
 
-def _mesh_finding(problem: ModuleProblem) -> str | None:
-    """What is wrong with a mesh's elements, or None."""
-    nodes, cells = problem.mesh.nodes_m, problem.mesh.cells
-    try:
-        kind = kind_of(cells)
-    except ContractError as error:
-        return str(error)
-    if not np.all(np.isfinite(nodes)):
-        return "a node's position is not finite"
-    bad = np.flatnonzero(np.any(kind.jacobians(nodes, cells, kind.sample_points()) <= 0, axis=1))
-    if len(bad):
-        first = f"{len(bad)} of {len(cells)} elements are inverted or collapsed (first: {bad[0]})"
-        return f"{first}: a left-handed node order, or an edge of no length"
-    return None
+def _require_none(findings: Iterator[str], where: str = "") -> None:
+    """Raise `Finding` with the first of the findings, if there is one."""
+    for finding in findings:
+        raise Finding(f"{where}{finding}")
 
 
+@declared
 def elements_are_valid(subject: Subject) -> None:
     """cells are 27-node hexahedra, local node i + 3j + 9k, or 10-node tetrahedra, with positive Jacobian everywhere."""
-    finding = _mesh_finding(_problem(subject))
-    require(finding is None, str(finding))
+    _require_none(cells_found(_problem(subject).mesh))
 
 
 def mesh_is_one_closed_body(subject: Subject) -> None:
     """elements share the nodes of their common faces; the mesh is one closed body."""
     mesh = _problem(subject).mesh
-    used, count = np.unique(mesh.cells), len(mesh.nodes_m)
-    lost = f"{count - len(used)} nodes belong to no element: the stiffness would be singular"
-    require(len(used) == count and used[0] == 0, lost)
-    size = float(np.ptp(mesh.nodes_m, axis=0).max())
-    double = count - len(np.unique(np.round(mesh.nodes_m / (1e-7 * size)).astype(np.int64), axis=0))
-    require(double == 0, f"{double} nodes coincide with others: the body has a crack there; merge them")
-    volume = _volume(_problem(subject))
-    area, enclosed = area_vector(mesh.nodes_m, mesh.skin), enclosed_volume(mesh.nodes_m, mesh.skin)
-    require(
-        np.abs(area).max() < 1e-6 * size**2 and abs(enclosed - volume) < 1e-6 * volume,
-        f"the skin encloses {enclosed:.4g} m³ and the elements fill {volume:.4g} m³: the skin misses faces or some "
-        "normals point inward",
-    )
+    _require_none(nodes_found(mesh))
+    _require_none(body_found(mesh))
 
 
 def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
     """`cavity`: wetted faces, ∂x/∂a × ∂x/∂b out of the solid; `cavities`: the part of each of several pressures."""
-    problem, mesh = _problem(subject), _problem(subject).mesh
-    pressures = [
-        name for name in problem.actuations if is_known(name) and actuation_kind(name).name == "pressure_pa"
-    ]
-    if not pressures:
-        require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
-        return
-    if len(problem.actuations) > 1:
-        for name in pressures:
-            require(len(mesh.cavities.get(name, ())) > 0, f"'{name}' has no faces in `mesh.cavities`")
-        parts = sorted(
-            key for name in pressures for key in map(tuple, face_keys(mesh.cavities[name]).tolist())
-        )
-        whole = sorted(map(tuple, face_keys(mesh.cavity).tolist()))
-        require(parts == whole, "`cavities` together are not the faces of `cavity`")
-    require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
-    faces = boundary_faces(mesh.cells)[0]
-    skin = dict(zip(map(tuple, face_keys(faces).tolist()), faces, strict=True))
-    for number, (face, key) in enumerate(zip(mesh.cavity, face_keys(mesh.cavity).tolist(), strict=True)):
-        own = skin.get(tuple(key))
-        if own is None:
-            raise Finding(f"cavity face {number} lies inside the solid or is no element's face")
-        along = area_vector(mesh.nodes_m, face[None]) @ area_vector(mesh.nodes_m, own[None])
-        require(along > 0, f"the normal of cavity face {number} points into the solid: swap its a and b")
+    _require_none(cavities_found(_problem(subject)))
+
+
+def cavity_is_closed(subject: Subject) -> None:
+    """a cavity's faces enclose a hollow with the end sections and mirror planes; none of them lies in such a plane."""
+    _require_none(hollows_found(_problem(subject)))
 
 
 def end_sections_are_plane(subject: Subject) -> None:
     """node sets `start` (x = 0) and `end` (x = span) hold exactly the nodes of these planes."""
-    problem = _problem(subject)
-    x, span, near = problem.mesh.nodes_m[:, 0], problem.span_m, 1e-7 * problem.span_m
-    reach = f"the mesh reaches from x = {x.min():.6g} to {x.max():.6g} m, the piece from 0 to {span:.6g} m"
-    require(x.min() > -near and x.max() < span + near, reach)
-    for name, place in (("start", 0.0), ("end", span)):
-        require(name in problem.mesh.node_sets, f"there is no node set '{name}'")
-        given, wanted = np.unique(problem.mesh.node_sets[name]), np.flatnonzero(np.abs(x - place) < near)
-        require(
-            len(wanted) > 0 and np.array_equal(given, wanted),
-            f"node set '{name}' has {len(given)} nodes, the plane x = {place:.6g} m has {len(wanted)}",
-        )
+    _require_none(ends_found(_problem(subject)))
 
 
 def supports_hold_the_body(subject: Subject) -> None:
     """`fixed`, `tied` and `links` name existing nodes and leave no rigid motion free."""
-    problem = _problem(subject)
-    sets = problem.mesh.node_sets
-    for name in (*problem.fixed, *problem.tied, *problem.contact_planes):
-        require(len(sets.get(name, ())) > 0, f"node set '{name}' is used but does not exist or is empty")
-    for name, parts in (*problem.fixed.items(), *problem.tied.items()):
-        require(set(parts) <= {0, 1, 2}, f"set '{name}' holds components {parts}, not some of 0, 1, 2")
-    held = [sets[name] for name, parts in problem.fixed.items() if 0 in parts]
-    held += [nodes for link in problem.links if 0 in link.signs for nodes in (link.first, link.second)]
-    ends = np.concatenate([sets["start"], sets["end"]])
-    loose = "not all nodes of 'start' and 'end' have x held or linked: the end sections would not fit their neighbours"
-    require(held and np.isin(ends, np.concatenate(held)).all(), loose)
-    rank = int(np.linalg.matrix_rank(_held_motions(problem), tol=1e-6))
-    free = "rigid motions (three shifts, three turns): the stiffness would be singular"
-    require(rank == 6, f"the supports hold {rank} of 6 {free}")
-
-
-def _held_motions(problem: ModuleProblem) -> Array:
-    """What each support says of a rigid motion (shift, turn · size) of v, (rows, 6): zero for the motions it allows."""
-    mesh = problem.mesh
-    x = mesh.nodes_m - mesh.nodes_m.mean(axis=0)
-    x = x / np.ptp(mesh.nodes_m, axis=0).max()
-    # v = a + b × x at every node, by component: (n, 3, 6)
-    motion = np.zeros((len(x), 3, 6))
-    motion[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        motion[:, i, 3 + j], motion[:, i, 3 + k] = x[:, k], -x[:, j]
-    rows = [np.zeros((1, 6))]
-    for name, components in problem.fixed.items():
-        rows += [motion[mesh.node_sets[name], c] for c in components]
-    for name, components in problem.tied.items():
-        nodes = mesh.node_sets[name]
-        rows += [motion[nodes[1:], c] - motion[nodes[:1], c] for c in components]
-    for link in problem.links:
-        rows += [motion[link.second, c] - sign * motion[link.first, c] for c, sign in link.signs.items()]
-    return np.concatenate(rows)
+    _require_none(supports_found(_problem(subject)))
 
 
 def couplings_are_possible(subject: Subject) -> None:
     """`links` pair different nodes one to one, with signs of ±1; ribbons have a width and stiffness."""
-    problem = _problem(subject)
-    n = len(problem.mesh.nodes_m)
-    for number, link in enumerate(problem.links):
-        first, second = np.asarray(link.first), np.asarray(link.second)
-        pairs = f"link {number} pairs {first.shape} nodes with {second.shape}"
-        require(first.shape == second.shape and first.ndim == 1, pairs)
-        both = np.concatenate([first, second])
-        require(
-            len(np.unique(second)) == len(second) and both.min() >= 0 and both.max() < n,
-            f"link {number} names a node twice or one that does not exist",
-        )
-        require(not np.any(first == second), f"link {number} pairs a node with itself")
-        require(
-            set(link.signs) <= {0, 1, 2} and all(abs(sign) == 1.0 for sign in link.signs.values()),
-            f"link {number} has the signs {dict(link.signs)}, not ±1 by component 0, 1, 2",
-        )
-    for ribbon in problem.ribbons:
-        has = f"a ribbon has the width {ribbon.width_m:g} m and the stiffness {ribbon.stiffness_n:g} N"
-        require(ribbon.width_m >= 0 and ribbon.stiffness_n > 0, has)
+    _require_none(links_found(_problem(subject)))
 
 
 def refinement_refines(subject: Subject) -> None:
@@ -213,8 +115,7 @@ def refinement_refines(subject: Subject) -> None:
     coarse, fine = _problem(subject), subject.build().problem(refinement=2)
     n, m = len(coarse.mesh.cells), len(fine.mesh.cells)
     require(m >= 4 * n, f"refinement 2 has {m} elements, refinement 1 has {n}: the argument is not used")
-    finding = _mesh_finding(fine)
-    require(finding is None, f"at refinement 2, {finding}")
+    _require_none(cells_found(fine.mesh), "at refinement 2, ")
     agree(_volume(fine), _volume(coarse), "refinement changes the body's volume (m³)", rtol=VOLUME_TOLERANCE)
     require(fine.span_m == coarse.span_m, "refinement changes span_m")
 
@@ -291,8 +192,7 @@ def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
         f"the piece is a {piece.joint} joint under {piece.actuation}, the whole a {whole.joint} one under "
         f"{whole.actuation}",
     )
-    finding = _mesh_finding(piece)
-    require(finding is None, f"in the piece for the main axis alone, {finding}")
+    _require_none(cells_found(piece.mesh), "in the piece for the main axis alone, ")
 
 
 def regions_are_cells_of_the_mesh(subject: Subject) -> None:
@@ -374,13 +274,14 @@ def halves_are_in_their_places(subject: Subject) -> None:
 def parameters_have_units(subject: Subject) -> None:
     """every number of a design is a quantity with its unit (`Length`, `Ratio`, …)."""
     for name, field in subject.model.model_fields.items():
-        bare = field.annotation is float and quantity_of(subject.model, name) is None
+        bare = field.annotation is float and not any(quantities_in(*field.metadata))
         how = "write Length, Angle, Ratio … so that '2 mm' is understood"
         require(not bare, f"parameter '{name}' is a plain float: {how}")
 
 
 def impossible_designs_are_refused(subject: Subject) -> None:
-    """an impossible design raises `InvalidDesignError` with the inequality and by how much it is broken."""
+    """an impossible design (a length of 0 is, unless its field says `ge=0`) raises `InvalidDesignError` with the
+    inequality and by how much."""
 
     def made(changes: dict[str, float]) -> None:
         with contextlib.suppress(ValidationError):
@@ -389,7 +290,10 @@ def impossible_designs_are_refused(subject: Subject) -> None:
         raise InvalidDesignError("0: the config refuses it")
 
     for name in _lengths(subject):
-        for value in (-1e-3, 0.0):
+        zero_is_one = any(
+            getattr(each, "ge", None) == 0 for each in subject.model.model_fields[name].metadata
+        )
+        for value in (-1e-3,) if zero_is_one else (-1e-3, 0.0):
             accepted = f"the design with {name} = {value:g} m was accepted"
             require_refused(partial(made, {name: value}), accepted, r"\d", "number", InvalidDesignError)
 
@@ -403,8 +307,8 @@ def accepted_designs_have_meshes(subject: Subject) -> None:
                 family = subject.build(subject.configured({name: value}))
             except (ValidationError, InvalidDesignError):
                 continue
-            finding = _mesh_finding(family.problem())
-            require(finding is None, f"the design with {name} = {value:.4g} m was accepted, but {finding}")
+            accepted = f"the design with {name} = {value:.4g} m was accepted, but "
+            _require_none(cells_found(family.problem().mesh), accepted)
 
 
 def is_deterministic(subject: Subject) -> None:
@@ -417,8 +321,11 @@ def is_deterministic(subject: Subject) -> None:
 def _lengths(subject: Subject) -> list[str]:
     """Names of the design's positive lengths."""
     names = []
-    for name in subject.model.model_fields:
-        quantity, value = quantity_of(subject.model, name), getattr(subject.config, name)
+    for name, field in subject.model.model_fields.items():
+        quantity, value = (
+            next(quantities_in(field.annotation, *field.metadata), None),
+            getattr(subject.config, name),
+        )
         if quantity is not None and quantity.unit == "m" and isinstance(value, float) and value > 0:
             names.append(name)
     return names

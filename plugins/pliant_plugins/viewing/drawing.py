@@ -14,7 +14,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
 from pliant.records.shape import Shape
-from pliant_plugins.viewing.skins import Skin, dressed, skin_of, surface_of
+from pliant_plugins.viewing.skins import ChainSkin, dressed, skin_of, surface_of
 
 ARM = ((0.98, 0.85, 0.67, 1.0), (0.55, 0.72, 0.86, 1.0), (0.72, 0.82, 0.60, 1.0), (0.87, 0.64, 0.62, 1.0))
 OBJECT = ((0.86, 0.42, 0.30, 1.0), (0.30, 0.52, 0.72, 1.0), (0.45, 0.62, 0.35, 1.0))
@@ -127,7 +127,7 @@ class SceneDrawing:
                 _add_shape(spec, body, shape, colour, f"object{number}_{k}")
         return spec
 
-    def _add_arm(self, spec: mujoco.MjSpec, number: int, chain: ChainModel, skin: Skin | None) -> None:
+    def _add_arm(self, spec: mujoco.MjSpec, number: int, chain: ChainModel, skin: ChainSkin | None) -> None:
         colour = ARM[number % len(ARM)]
         bodies = [
             spec.worldbody.add_body(name=f"arm{number}_{k}", mocap=True) for k in range(chain.n_joints + 1)
@@ -169,7 +169,7 @@ class SceneDrawing:
         x /= np.linalg.norm(x)
         return np.column_stack([x, np.cross(z, x), z])
 
-    def _add_skin(self, spec: mujoco.MjSpec, number: int, skin: Skin, colour: tuple[float, ...]) -> None:
+    def _add_skin(self, spec: mujoco.MjSpec, number: int, skin: ChainSkin, colour: tuple[float, ...]) -> None:
         origins, turns = skin.bones(self._straight[number])
         followed, share = skin.followed()
         names, ids, weights = [], [], []
@@ -280,7 +280,7 @@ def _corners(shape: Shape) -> Array:
     return np.asarray((SIGNS * half) @ shape.rotation.T + shape.position_m)
 
 
-def _mount(skin: Skin, straight: Pose, thickness_m: float) -> tuple[Array, Array]:
+def _mount(skin: ChainSkin, straight: Pose, thickness_m: float) -> tuple[Array, Array]:
     """Middle and half edges, in the base frame, of a plate behind the base as wide as the straight arm."""
     local = (skin.rest.vertices_m - straight.origins[0]) @ straight.rotations[0]
     low, high = local.min(axis=0), local.max(axis=0)

@@ -29,7 +29,7 @@ CREASE_COSINE = np.cos(np.radians(35.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class ChainSkin:
     """A surface that follows the bodies of a chain.
 
     Attributes:
@@ -87,7 +87,7 @@ class Skin:
         return float(self.ends_m[-1, 1]) if len(self.ends_m) else 0.0
 
 
-def skin_of(chain: ChainModel) -> Skin | None:
+def skin_of(chain: ChainModel) -> ChainSkin | None:
     """The skin of a chain's meshes and cylinders; None where it has neither."""
     straight = ChainGeometry.of(chain).forward(np.zeros((chain.n_joints, len(chain.axes))))
     parts, bodies, shares = [], [], []
@@ -105,7 +105,7 @@ def skin_of(chain: ChainModel) -> Skin | None:
     whole = parts[0]
     for part in parts[1:]:
         whole = whole.joined(part)
-    skin = Skin(whole, np.concatenate(bodies), np.concatenate(shares), _ends(chain))
+    skin = ChainSkin(whole, np.concatenate(bodies), np.concatenate(shares), _ends(chain))
     return _creased(_welded(skin))
 
 
@@ -188,7 +188,7 @@ def _followed(
     return body, share
 
 
-def _welded(skin: Skin) -> Skin:
+def _welded(skin: ChainSkin) -> ChainSkin:
     """Vertices at one place made one, and walls between welded pieces taken away."""
     key = np.round(skin.rest.vertices_m / WELD_M).astype(np.int64)
     _, first, renumbered = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -196,12 +196,12 @@ def _welded(skin: Skin) -> Skin:
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     _, which, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     faces = faces[count[which.ravel()] == 1]
-    return Skin(
+    return ChainSkin(
         TriangleMesh(skin.rest.vertices_m[first], faces), skin.body[first], skin.share[first], skin.ends_m
     )
 
 
-def _creased(skin: Skin) -> Skin:
+def _creased(skin: ChainSkin) -> ChainSkin:
     """Vertices on sharp edges split, so that smooth shading keeps the edge."""
     corners = skin.rest.vertices_m[skin.rest.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -219,4 +219,4 @@ def _creased(skin: Skin) -> Skin:
             source.append(vertex)
     take = np.array(source)
     mesh = TriangleMesh(skin.rest.vertices_m[take], faces.reshape(-1, 3))
-    return Skin(mesh, skin.body[take], skin.share[take], skin.ends_m)
+    return ChainSkin(mesh, skin.body[take], skin.share[take], skin.ends_m)

@@ -146,6 +146,7 @@ MIRRORED, TURNED = (np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel(), np.arang
 meshed("elements_are_valid", lambda p: {"cells": p.mesh.cells[:, MIRRORED]})
 meshed("mesh_is_one_closed_body", _cracked)
 meshed("cavity_faces_point_into_the_cavity", lambda p: {"cavity": p.mesh.cavity[:, TURNED]})
+meshed("cavity_is_closed", lambda p: {"cavity": p.mesh.cavity[:-1]})
 meshed("end_sections_are_plane", _short_end)
 posed("supports_hold_the_body", fixed={"start": (0,), "end": (0,), "symmetry": (1,)})
 broken("couplings_are_possible", problem=_tied_to_itself)

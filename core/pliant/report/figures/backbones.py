@@ -17,7 +17,7 @@ from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.report.figures import style
 from pliant.report.figures.stills import upright_planes
-from pliant.report.films import whole_file
+from pliant.store.store import whole_file
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from pliant.inverse.reachable import Reachable
 from pliant.records.design import Array
 from pliant.report.figures import style
 from pliant.report.figures.stills import upright_planes
-from pliant.report.films import whole_file
+from pliant.store.store import whole_file
 
 TOP = (0, 1)
 AT_LIMIT, WITHIN, NO_DATA = style.SERIES[1], style.SERIES[0], style.SOFT

@@ -1,4 +1,4 @@
-"""A search as it went: every candidate's objective, the best of every branch, the front of several objectives."""
+"""A search as it went, still and moving: every candidate's objective, the best of every branch, the front."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.colors import to_rgba
 
 from pliant.records.design import Array
 from pliant.records.search import STATUSES
+from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.figures import style
 from pliant.report.search_view import SearchView, log_suits
 
@@ -19,6 +20,8 @@ FIRST_NAMED = 5
 SHOWN_SHARE = 97.0  # percent of the candidates that a linear axis shows; the rest stands at its edge
 MOST_TICKS, BINS = 400, 240  # failures drawn one by one; beyond that, parts of the search
 WINDOW = 0.05  # of the search, over which a moving median is taken
+CANDIDATE = "#6f9dc2"
+MOST_DRAWN = 8000  # candidates; of more every n-th, while the best so far has all of them
 CAUSES = (("refused", style.SERIES[4]), ("failed", style.SERIES[1]), ("not_a_number", style.SERIES[3]))
 
 
@@ -189,12 +192,54 @@ def _rim(axes: Any, read: SearchView, x: Array) -> None:
         axes.plot([], [], "s", ms=4, color=colour, label=label)
 
 
+def history_chart(read: SearchView) -> Chart | None:
+    """Candidates' objectives and the best so far, branch by branch; None where none has an objective."""
+    scores = read.scores()
+    finite = np.isfinite(scores)
+    if not finite.any():
+        return None
+    better = np.fmax if read.objective.maximised else np.fmin
+    branch, context = np.asarray(read.result.history.branch), np.asarray(read.result.history.context)
+    names = read.branch_names()
+    lines: list[ChartLine] = []
+    stride = -(-len(scores) // MOST_DRAWN)
+    winner = read.best_of_branches()[0][0] if read.best_of_branches() else -1
+    for k in np.unique(branch).tolist():
+        mine = np.flatnonzero(branch == k)
+        x, run = np.arange(1.0, len(mine) + 1), names[k] if len(names) > 1 else ""
+        lines.append(ChartLine("candidate", x[::stride], scores[mine][::stride], run, CANDIDATE, 0.0, 3.5))
+        if not read.contextual:
+            won = len(names) > 1 and k == winner
+            look = (style.WARN, 2.4) if won else (style.SERIES[0], 1.8 if len(names) < 2 else 0.7)
+            at, best = _steps(x, better.accumulate(scores[mine]))
+            lines.append(ChartLine("best so far", at, best, run, *look))
+            continue
+        for which in np.unique(context[context >= 0]).tolist():
+            rows = np.flatnonzero((context[mine] == which) & finite[mine])
+            if len(rows):
+                at, median = moving_median(x[rows], scores[mine][rows])
+                shade = style.SERIES[which % 6]
+                lines.append(ChartLine("moving median", at, median, read.condition(which), shade, 2.0))
+    low, high = shown_range(scores, read.objective.maximised)
+    pad = 0.06 * (high - low) or 0.05 * max(abs(high), 1e-12)
+    y = ChartAxis(read.objective.unit.label, read.objective.unit.symbol)
+    title = f"Objective of every candidate ({read.objective.best_word})"
+    panel = Panel(ChartAxis("candidate"), y, tuple(lines), title=title, y_range=(low - pad, high + pad))
+    return Chart((panel,))
+
+
+def _steps(x: Array, y: Array) -> tuple[Array, Array]:
+    """Corners of a staircase that keeps each value until it changes."""
+    turns = np.flatnonzero(np.append(True, y[1:] != y[:-1]) | (np.arange(len(y)) == len(y) - 1))
+    return np.repeat(x[turns], 2)[1:], np.repeat(y[turns], 2)[:-1]
+
+
 MOST_PAIRS = 3
 
 
 def search_front(read: SearchView) -> style.Png | None:
     """A panel per pair of objectives; None for one objective."""
-    pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
+    pairs = _pairs(read)
     if not pairs or not read.result.best:
         return None
     with style.canvas(1000 if len(pairs) == 1 else 560 * len(pairs), 640) as figure:
@@ -210,10 +255,7 @@ def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
     axes.scatter(
         read.scores(pair[0]), read.scores(pair[1]), 10, color="#8fb3d0", lw=0, alpha=0.6, label="candidate"
     )
-    points = np.array(
-        [[d.objectives[o.name] * o.unit.factor for o in (one, other)] for d in read.result.best]
-    )
-    points = points[np.argsort(points[:, 0])]
+    points = _front(read, pair)
     line = "-" if len(read.objectives) == 2 else ""
     axes.plot(
         *points.T, ls=line, marker="o", ms=6, color=style.WARN, lw=1.2, label=f"front ({len(points)} designs)"
@@ -227,3 +269,35 @@ def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
         pad = 0.06 * (high - low) or 1e-9
         limit(low - pad, high + pad)
     axes.set(xlabel=f"{one.unit.axis}, {one.best_word}", ylabel=f"{other.unit.axis}, {other.best_word}")
+
+
+def front_chart(read: SearchView) -> Chart | None:
+    """A panel per pair of objectives; None for one objective."""
+    pairs = _pairs(read)
+    if not pairs or not read.result.best:
+        return None
+    panels, stride = [], -(-len(read.scores()) // MOST_DRAWN)
+    for pair in pairs:
+        one, other = (read.objectives[k] for k in pair)
+        points, scores = _front(read, pair), [read.scores(k)[::stride] for k in pair]
+        width = 1.2 if len(read.objectives) == 2 else 0.0
+        lines = (
+            ChartLine("candidate", scores[0], scores[1], "", CANDIDATE, 0.0, 3.5),
+            ChartLine("front", points[:, 0], points[:, 1], "", style.WARN, width, 6.0),
+        )
+        axes = [ChartAxis(o.unit.label, o.unit.symbol) for o in (one, other)]
+        below = "; ".join(f"{o.unit.label}: {o.best_word}" for o in (one, other))
+        panels.append(Panel(axes[0], axes[1], lines, title="The front among all candidates", below=below))
+    return Chart(tuple(panels))
+
+
+def _pairs(read: SearchView) -> list[tuple[int, int]]:
+    """The first pairs of objectives, by number."""
+    return list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
+
+
+def _front(read: SearchView, pair: tuple[int, int]) -> Array:
+    """(n, 2) a pair's objectives of the best designs, in their units, along the first."""
+    both = [read.objectives[k] for k in pair]
+    points = np.array([[d.objectives[o.name] * o.unit.factor for o in both] for d in read.result.best])
+    return np.asarray(points[np.argsort(points[:, 0])])

@@ -21,7 +21,7 @@ from pliant.report.figures.module import (
     module_camera,
     stretch_limits,
 )
-from pliant.report.scene import Body, Colouring, Copy, DrawnScene, Skin, ball
+from pliant.report.scene import Colouring, Copy, DrawnScene, SceneBody, SceneSkin, ball
 
 WHOLE, CUT = "whole", "cut open"
 STRETCH, STRESS, ERROR = "stretch", "stress", "error"
@@ -62,7 +62,7 @@ def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | 
         colourings.append(Colouring(ERROR, label, limits, ramp(style.stretch_map())))
     count, opened = len(shapes), "y" in sections[0].mirrors
     angles = np.array([body.piece_angle(shape, slides) for shape in shapes])
-    piece = Body(
+    piece = SceneBody(
         0,
         _copies(sections[0].mirrors),
         np.arange(float(count)),
@@ -86,13 +86,13 @@ def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | 
     )
 
 
-def skin_of(sections: Sequence[body.SectionShape], values: Mapping[str, Array]) -> Skin:
+def skin_of(sections: Sequence[body.SectionShape], values: Mapping[str, Array]) -> SceneSkin:
     """Sections at their levels as a skin whose faces are its sides and each of its lids."""
     first = sections[0]
     lids = dict(first.lids)
     sides = ~np.any(list(lids.values()), axis=0) if lids else np.ones(len(first.faces), bool)
     faces = {"sides": first.faces[sides], **{name: first.faces[lid] for name, lid in lids.items()}}
-    return Skin(
+    return SceneSkin(
         np.stack([s.section for s in sections]), np.array([s.length_m for s in sections]), faces, values
     )
 

@@ -19,7 +19,7 @@ from pliant.report.figures.finger import ShapedModules, finger_camera, shaped_mo
 from pliant.report.figures.rendering import TRANSPOSED
 from pliant.report.folder import FinishedRun
 from pliant.report.run_view import base_pose, main_axis, module_designs
-from pliant.report.scene import Body, Colouring, Copy, DrawnScene, Skin, ball
+from pliant.report.scene import Colouring, Copy, DrawnScene, SceneBody, SceneSkin, ball
 from pliant.report.scenes.module import STRETCH, mirror_signs, ramp, skin_of, stretch_colouring
 
 MOST_STATES = 60
@@ -170,7 +170,7 @@ def _band(run: FinishedRun, shown: Rollout) -> Array | None:
 
 def _shaped(
     modules: ShapedModules, shown: Rollout, values: Mapping[str, Array]
-) -> tuple[list[Skin], list[Body], float]:
+) -> tuple[list[SceneSkin], list[SceneBody], float]:
     """A skin for each design and a body for each module, and how far its skin is from its axis."""
     angles = shown.joint_angles[:, :, 0]
     placed = [modules.poses(float(p), q) for p, q in zip(shown.actuation[:, 0], angles, strict=True)]
@@ -183,7 +183,7 @@ def _shaped(
     last, bodies = len(modules.designs) - 1, []
     for number, design in enumerate(modules.designs):
         bodies.append(
-            Body(
+            SceneBody(
                 design,
                 _module_copies(number == 0, number == last),
                 levels[design],
@@ -207,7 +207,9 @@ def _module_copies(first: bool, last: bool) -> tuple[Copy, ...]:
     return tuple(found)
 
 
-def _rods(shown: Rollout, values: Mapping[str, Array], base: Array) -> tuple[list[Skin], list[Body], float]:
+def _rods(
+    shown: Rollout, values: Mapping[str, Array], base: Array
+) -> tuple[list[SceneSkin], list[SceneBody], float]:
     """Two rods for each joint, to the middle of the links before and behind it."""
     markers = shown.markers_m
     joints = markers[:, 1:-1]
@@ -220,7 +222,7 @@ def _rods(shown: Rollout, values: Mapping[str, Array], base: Array) -> tuple[lis
         for start, end in ((ends[:, j], joints[:, j]), (joints[:, j], ends[:, j + 1])):
             along = np.linalg.norm(end - start, axis=1)
             bodies.append(
-                Body(
+                SceneBody(
                     0,
                     tuple(Copy(part) for part in ("sides", "start", "end")),
                     along / longest,
@@ -244,7 +246,7 @@ def _pointing(start: Array, end: Array, base: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _rod(radius: float, longest: float) -> Skin:
+def _rod(radius: float, longest: float) -> SceneSkin:
     """A round rod at the lengths 0 and `longest`, with its two ends."""
     angle = np.linspace(0, 2 * np.pi, 2 * SIDES + 1)
     ring = np.stack([np.zeros_like(angle), radius * np.cos(angle), radius * np.sin(angle)], axis=1)
@@ -260,7 +262,7 @@ def _rod(radius: float, longest: float) -> Skin:
         "end": _outward(faces + 6 * n, points, along=1.0),
     }
     sections = np.stack([points * [reach, 1.0, 1.0] for reach in (0.0, longest)])
-    return Skin(sections, np.array([1e-9, longest]), parts)
+    return SceneSkin(sections, np.array([1e-9, longest]), parts)
 
 
 def _outward(faces: IntArray, points: Array, ring: bool = False, along: float = 0.0) -> IntArray:

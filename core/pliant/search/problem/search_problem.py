@@ -16,7 +16,8 @@ from pliant.config.study import Study
 from pliant.config.study_keys import KeyPath, study_key
 from pliant.errors import UserError, closest
 from pliant.formatting import quantity
-from pliant.interfaces.optimizer import Context, Space, Value, Variable
+from pliant.interfaces.optimizer import Context, Space, Trial, Value, Variable
+from pliant.records.design import Array
 from pliant.records.search import VariableRecord
 from pliant.registry.discovery import Registry
 from pliant.registry.files import with_files
@@ -275,9 +276,28 @@ class SearchProblem:
             condition: the one that the candidate is for; then constraints that name variables of other conditions
                 do not count. −1: all.
         """
+        return self._broken(self._counting(condition), values, {})
+
+    def violated_each(self, trials: Sequence[Trial]) -> list[dict[str, float]]:
+        """`violated` of every trial, computed for all trials of a condition at once."""
+        found: list[dict[str, float]] = [{} for _ in trials]
+        for condition in {trial.context for trial in trials}:
+            rows = [k for k, trial in enumerate(trials) if trial.context == condition]
+            full = [self.full(trials[k].values) for k in rows]
+            known = {
+                **self.names.constants,
+                **{name: _column([one[name] for one in full]) for name in full[0]},
+            }
+            for constraint in self._counting(condition):
+                amounts = np.broadcast_to(constraint.amount(known), len(rows))
+                for k in np.flatnonzero(~(amounts <= 0)):
+                    found[rows[k]][constraint.text] = _finite(float(amounts[k]))
+        return found
+
+    def _counting(self, condition: int) -> list[Expression]:
+        """Constraints of variables only that count in a condition."""
         others = {v.name for v in self.variables if condition >= 0 and condition not in v.conditions}
-        counting = [c for c in self.constraints if not c.uses("metric") and not c.variables & others]
-        return self._broken(counting, values, {})
+        return [c for c in self.constraints if not c.uses("metric") and not c.variables & others]
 
     def metric_violations(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> dict[str, float]:
         """Constraints with metrics that are broken → by how much; one that was not measured does not hold."""
@@ -288,7 +308,7 @@ class SearchProblem:
     ) -> dict[str, float]:
         known = self._known(values, metrics, constraints)
         amounts = {constraint.text: float(constraint.amount(known)) for constraint in constraints}
-        return {t: a if math.isfinite(a) else NO_NUMBER for t, a in amounts.items() if not a <= 0}
+        return {text: _finite(amount) for text, amount in amounts.items() if not amount <= 0}
 
     def require_metrics(self, metrics: Mapping[str, Any]) -> None:
         """See that objectives, constraints and `until` name numbers among a task's metrics; None is one that was not
@@ -377,6 +397,15 @@ def _metrics_of(expressions: Sequence[Expression]) -> Iterator[tuple[str, str]]:
     """Names of metrics with the text that names them."""
     for expression in expressions:
         yield from ((one.name, expression.text) for one in expression.names if one.role == "metric")
+
+
+def _finite(amount: float) -> float:
+    return amount if math.isfinite(amount) else NO_NUMBER
+
+
+def _column(values: Sequence[Value]) -> Array:
+    """Values of a variable as expressions take them: texts stay what they are."""
+    return np.array(values, dtype=object if any(isinstance(one, str) for one in values) else None)
 
 
 def _start(one: SearchedVariable) -> Value:

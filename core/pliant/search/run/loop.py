@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 
@@ -25,7 +25,7 @@ from pliant.search.workers import told_of
 SNAPSHOT_EVERY_S = 30.0
 REFUSED_PER_EVALUATION = 50
 BUDGET, UNTIL, EXHAUSTED = "budget", "until", "exhausted"
-CHUNK_S = 0.25  # so long a worker has enough to do not to wait for messages
+CHUNK_S, LEAST_S = 0.25, 0.02  # for so long at most, and least, a message gives a worker something to do
 MOST_AT_A_TIME = 64  # branches, where the executor itself knows how many workers it has
 
 
@@ -132,10 +132,11 @@ class Branch:
         while not self.stopped:
             size = max(1, self.optimizer.batch)
             asked = min(size, self.budget - self.evaluated)
-            trials = []
-            for trial in self._proposed(asked):
-                broken = self._problem.violated(trial.values, trial.context)
-                trials.append(trial.refused(broken) if broken else trial)
+            proposed = self._proposed(asked)
+            trials = [
+                trial.refused(broken) if broken else trial
+                for trial, broken in zip(proposed, self._problem.violated_each(proposed), strict=True)
+            ]
             generation = Generation(asked, size, tuple(trials))
             if generation.open:
                 return generation
@@ -296,17 +297,23 @@ class Loop:
             self._ended(branch)
             return
         self._active[branch.index] = batch, []
-        # It travels split over the workers where it is the only one, in smaller parts where evaluations are long.
-        trials = batch.open
-        most = (
-            -(-len(trials) // (self._queue.executor.size or len(trials)))
-            if len(self._branches) == 1
-            else len(trials)
-        )
-        if self._each_s > 0.0:
-            most = min(most, max(1, round(CHUNK_S / self._each_s)))
-        for k in range(0, len(trials), most):
-            self._queue.submit(trials[k : k + most], branch.index)
+        for part in self._parts(batch.open):
+            self._queue.submit(part, branch.index)
+
+    def _parts(self, trials: Sequence[Trial]) -> Iterator[Sequence[Trial]]:
+        """What travels together: less where evaluations are long, and ever less of a batch that is the only one.
+
+        Its last parts are small, so that workers end at the same time (guided self-scheduling, Polychronopoulos and
+        Kuck, IEEE Transactions on Computers C-36, 1987).
+        """
+        most = max(1, round(CHUNK_S / self._each_s)) if self._each_s > 0.0 else len(trials)
+        least = max(1, round(LEAST_S / self._each_s)) if self._each_s > 0.0 else 1
+        workers = self._queue.executor.at_once() or len(trials)
+        while trials:
+            share = -(-len(trials) // (2 * workers)) if len(self._branches) == 1 else len(trials)
+            count = min(max(share, least), most)
+            yield trials[:count]
+            trials = trials[count:]
 
     def _back(self, branch: Branch, rows: Sequence[Trial]) -> None:
         """Outcomes have come back; the branch goes on when its batch is whole."""

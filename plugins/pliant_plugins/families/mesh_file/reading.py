@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from pliant.errors import InvalidDesignError, UserError, closest
+from pliant.errors import InvalidDesignError, UserError
 from pliant.meshing.raising import SOLID
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
+from pliant.regular_files import require_there
 from pliant.report.vtu import require_meshio
 
 Members = list[tuple[int, int]]  # places of solid cells and their sides
@@ -103,9 +104,7 @@ def require_file(path: Path) -> None:
             f"family.file '{path.name}' is none of {', '.join(FORMATS)} (gmsh, VTK, Abaqus); docs/your_cad_file.md "
             "shows how a STEP or STL file is meshed."
         )
-    if not path.is_file():
-        beside = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
-        raise UserError(f"family.file '{path}' is no file{closest(path.name, beside)}")
+    require_there(path, f"family.file '{path}'")
 
 
 def _read(path: Path) -> Any:

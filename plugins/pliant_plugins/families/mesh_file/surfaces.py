@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import InvalidDesignError, closest
-from pliant.meshing.cells import boundary_faces
+from pliant.meshing.cells import boundary_faces, kind_of_faces, loose_edges
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant_plugins.families.mesh_file.reading import VolumeFile
 
-# Corners of a face: of 9 nodes a + 3b around it, of 6.
-CORNERS = {9: [0, 2, 8, 6], 6: [0, 1, 2]}
 FEW = 3  # places that a message names
 
 
@@ -37,7 +35,7 @@ class Skin:
     def of(nodes: Array, cells: IntArray) -> Skin:
         """Of quadratic cells."""
         faces, _ = boundary_faces(cells)
-        corners = faces[:, CORNERS[faces.shape[1]]]
+        corners = faces[:, kind_of_faces(faces).face_corners]
         return Skin(faces, np.sort(corners, axis=1), nodes[corners].mean(axis=1))
 
 
@@ -104,10 +102,7 @@ def require_watertight(
         planes: (n,) which nodes lie on each end section and mirror plane, where neighbours and mirror images go on.
         name: the surface's, for messages.
     """
-    round_ = skin.faces[cavity][:, CORNERS[skin.faces.shape[1]]]
-    edges = np.sort(np.stack([round_, np.roll(round_, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
-    loose = unique[count == 1]
+    loose = loose_edges(skin.faces[cavity])
     for on_plane in planes:
         loose = loose[~on_plane[loose].all(axis=1)]
     if len(loose):

@@ -171,7 +171,7 @@ def _enough(data: FemDataset | ModuleData, fitted: Mask, law: str) -> None:
             f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
         )
         let_pass = (
-            "; 'fem.self_contact: pass' keeps states in which convolutions go through each other, 'solve' lets their "
+            "; 'fem.self_contact: pass' keeps states in which walls go through each other, 'solve' lets their "
             "walls hold each other"
         )
         raise UserError(
