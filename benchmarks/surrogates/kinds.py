@@ -88,7 +88,11 @@ def line(name: str, scores: Scores) -> str:
     """The scores as a printed row."""
     r2 = " ".join(f"{axis} {one.r2:.6f}" for axis, one in scores.axes.items())
     worst = " ".join(f"{100 * one.worst_of_range:.2f}" for one in scores.axes.values())
-    free = f"free angle {100 * scores.free_median:.2f} % median, {100 * scores.free_worst:.2f} % worst"
+    # laws of several inputs have no one free angle
+    known = np.isfinite(scores.free_median)
+    free = (
+        f"free angle {100 * scores.free_median:.2f} % median, {100 * scores.free_worst:.2f} % worst" * known
+    )
     lost = f", {scores.free_lost} lost" if scores.free_lost else ""
     return f"  {name:30} {scores.n_designs:3d} designs  R² {r2}  worst {worst} % of range  {free}{lost}"
 
