@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from tests.command import called
 
 from pliant import api
 from pliant.app.desk import Desk
 from pliant.app.leaving import Leaving, Way, anywhere, commands, notebook
-from pliant.cli.verbs import app
 from pliant.errors import UserError
 from pliant.notebook.study import StudyHandle
 
@@ -48,8 +47,7 @@ def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: P
     lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
     assert [line[:2] for line in lines] == [["pliant", "compare"]] * 2
     told, where = bench / "told.json", [f"--store={bench / 'store'}", f"--out={bench / 'out'}"]
-    out = CliRunner().invoke(app, [*lines[-1][1:], f"--json={told}", *where])
-    assert out.exit_code == 0, out.output
+    called(*lines[-1][1:], f"--json={told}", *where).done()
     found = json.loads(told.read_text())
     expected = api.compare(api.open_study(said["path"], store=bench / "store"))
     assert np.isclose(_value(found, "rmse_over_floor"), expected.rmse_over_floor)
