@@ -5,7 +5,8 @@
     refinement 2
 (b) the same bellow as a CAD solid (arcs, a plate, fused), meshed by Netgen: what the structured mesh leaves out
 (c) seconds of a whole design of the first CAD mesh: all states that `fem: {kind: skfem, pressure_max: 15 kPa}` asks for
-(d) the PneuNet of one material and of two 10 : 1, its hexahedra cut into six, as ratios to hexahedra of refinement 2
+(d) the PneuNet of one material and of two 10 : 1, its hexahedra cut into six, as ratios to hexahedra of refinement 2;
+    that of two as a CAD solid meshed by Netgen with smaller cells at its inner edges, and seconds of a design of one
 
 Needs ngsolve, for Netgen. Prints the figures and writes them to benchmarks/out/fem_mesh_file.json.
 """
@@ -16,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,7 @@ from pliant_plugins.families.bellow_bending.family import BellowBending, BellowB
 from pliant_plugins.families.bellow_bending.mesh import BendingCounts
 from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
 from pliant_plugins.families.mesh_file.netgen import mesh_cad
+from pliant_plugins.families.pneunet.family import LAYER, Pneunet
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.materials.neo_hookean import NeoHookeanConfig
@@ -45,6 +48,7 @@ MU = 240e3
 PRESSURES_PA = (5e3, 10e3, 15e3)
 LENGTHS_M = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
 FILE = {"part": "half", "symmetry": "symmetry"}
+LARGEST_MM, GRADING = 1.2, 0.7  # of the PneuNet as a CAD solid
 BAR = 0.005  # of torque and free angle
 SECONDS = 60.0  # of a design
 
@@ -155,23 +159,32 @@ def cad_solid() -> Any:
     return solid
 
 
-def design_seconds(path: Path, folder: Path) -> dict[str, float]:
-    """Processor and wall time of the FEM stage of one design."""
+def design_seconds(
+    path: Path, folder: Path, mu_pa: float = MU, pressure_pa: float = 15e3
+) -> dict[str, float]:
+    """Processor and wall time of the FEM stage of one design of one material; printed too."""
     bench = Workbench(discover(), ArtifactStore(folder / "store"))
     family = from_file(path, "mm").config
     wall, processor = time.perf_counter(), time.process_time()
-    made = fem_stage(bench, family, NeoHookeanConfig(shear_modulus_pa=MU), SkfemConfig(pressure_max_pa=15e3))
-    return {
+    made = fem_stage(
+        bench, family, NeoHookeanConfig(shear_modulus_pa=mu_pa), SkfemConfig(pressure_max_pa=pressure_pa)
+    )
+    design = {
         "processor_s": time.process_time() - processor,
         "wall_s": time.perf_counter() - wall,
         "states": len(made.value),
         "failed": len(made.value.failed),
     }
+    print(
+        f"    a design: {design['states']:.0f} states, {design['failed']:.0f} not reached: {design['wall_s']:.1f} s by "
+        f"the clock, {design['processor_s']:.1f} s of processor time, at most {SECONDS:.0f}"
+    )
+    return design
 
 
-def from_file(path: Path, unit: str = "m") -> MeshFile:
+def from_file(path: Path, unit: str = "m", **more: Any) -> MeshFile:
     """The family that reads a file of half the module, half its width."""
-    return MeshFile(MeshFileConfig.model_validate({"file": path, "unit": unit, **FILE}))
+    return MeshFile(MeshFileConfig.model_validate({"file": path, "unit": unit, **FILE, **more}))
 
 
 def row(name: str, found: dict[str, float], base: dict[str, float]) -> dict[str, Any]:
@@ -185,8 +198,41 @@ def row(name: str, found: dict[str, float], base: dict[str, float]) -> dict[str,
     return {"mesh": name, **found, "ratios": ratios}
 
 
-def pneunet(refinements: list[int]) -> list[dict[str, Any]]:
-    """(d): rows of both, tetrahedra of the refinements."""
+def chamber_solid(family: Pneunet) -> Any:
+    """A quarter of the chamber as OCC solids `body` and `layer` that share a face, in mm."""
+    torch_first()
+    from netgen.occ import Box, Glue, Pnt
+
+    x, y, z = ([1e3 * v for v in lines] for lines in _lines(family))
+
+    def box(low: float, *high: float) -> Any:
+        return Box(Pnt(0, 0, low), Pnt(*high))
+
+    body = box(z[1], x[2], y[3], z[6]) + box(z[1], x[3], y[3], z[4])
+    body = body - box(z[2], x[1], y[2], z[5]) - box(z[2], x[3], y[1], z[3])
+    layer = box(z[0], x[3], y[3], z[1])
+    body.mat("body")
+    layer.mat(LAYER)
+    return Glue([body, layer])
+
+
+def chamber_surface(family: Pneunet, points: np.ndarray) -> str | None:
+    """The name of a face of `chamber_solid` from points on it."""
+    (_, _, _, end), (_, channel, side, _), (_, _, floor, _, _, top, _) = _lines(family)
+    (x0, _, z0), (x1, y1, z1) = 1e-3 * points.min(axis=0), 1e-3 * points.max(axis=0)
+    near, wall = 1e-9, family.geometry.x_lines[1]
+    planes = {"base": x1 < near, "tip": x0 > end - near, "symmetry": y1 < near}
+    within = z0 > floor - near and z1 < top + near and y1 < side + near
+    planes["cavity"] = within and (x1 < wall + near or y1 < channel + near or z1 < floor + near)
+    return next((name for name, here in planes.items() if here), None)
+
+
+def _lines(family: Pneunet) -> tuple[tuple[float, ...], ...]:
+    return family.geometry.x_lines, family.geometry.y_lines, family.geometry.z_lines
+
+
+def pneunet(refinements: list[int], inner: list[float], folder: Path) -> list[dict[str, Any]]:
+    """(d): rows of both, tetrahedra of the refinements, and of the CAD solid with edges in mm at inner edges."""
     case, rows = cases()["pneunet"], []
     for regions in ({}, case.regions):
         material = rubber(case.modulus).with_regions({name: rubber(mu) for name, mu in regions.items()})
@@ -200,6 +246,20 @@ def pneunet(refinements: list[int]) -> list[dict[str, Any]]:
             base = base or found
             kind = f"{'tetrahedra' if tetrahedra else 'hexahedra'} of {refinement}"
             rows.append(row(f"{1 + bool(regions)} material(s), {kind}", found, base))
+    # the last materials and base are those of two
+    for size in inner:
+        path = mesh_cad(
+            chamber_solid(case.family),
+            folder / f"chamber_{size:g}.msh",
+            LARGEST_MM,
+            partial(chamber_surface, case.family),
+            grading=GRADING,
+            inner=size,
+        )
+        problem = from_file(path, "mm", regions=[LAYER]).problem()
+        found = walked(backend.solver(problem, material), [case.actuation * n / 3 for n in (1, 2, 3)])
+        rows.append(row(f"2 materials, CAD, inner {size:g} mm", found, base))
+        rows[-1] |= design_seconds(path, folder / f"{size:g}", case.modulus, case.actuation)
     return rows
 
 
@@ -209,7 +269,15 @@ def main() -> None:
     parser.add_argument(
         "--pneunet", type=int, nargs="*", default=[1, 2], help="(d): refinements cut into tetrahedra"
     )
+    parser.add_argument(
+        "--inner", type=float, nargs="*", default=[1.2, 0.3, 0.2], help="(d): mm at inner edges"
+    )
+    parser.add_argument("--only", choices=["d"], help="(d) alone, written nowhere")
     options = parser.parse_args()
+    if options.only:
+        with tempfile.TemporaryDirectory() as name:
+            pneunet(options.pneunet, options.inner, Path(name))
+        return
     family = bellow()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -231,12 +299,8 @@ def main() -> None:
             )
         print("(c) a design of these tetrahedra")
         design = design_seconds(paths[options.cad[0]], folder)
-        print(
-            f"    {design['states']:.0f} states, {design['failed']:.0f} not reached: {design['wall_s']:.1f} s by the "
-            f"clock, {design['processor_s']:.1f} s of processor time, at most {SECONDS:.0f}"
-        )
         print("(d) the PneuNet, ratios to hexahedra of refinement 2 of the same materials")
-        chambers = pneunet(options.pneunet)
+        chambers = pneunet(options.pneunet, options.inner, folder)
     worst = max(abs(r["ratios"][key] - 1) for r in rows[2:3] for key in ("torque_n_m", "free_angle_rad"))
     print(f"    tetrahedra against hexahedra of the same body: {worst:.2%}, at most {BAR:.1%}")
     write("fem_mesh_file", {"meshes": rows, "pneunet": chambers, "design": design, "worst": worst})

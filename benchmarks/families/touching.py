@@ -6,7 +6,7 @@ solves the same cells (20 nodes for 27) at the same pressures and angles, face t
 mirror planes. The range of torque is what our slope there gives over the whole angle, so that its share is that of the
 angle too.
 
-    python -m benchmarks.families.touching [--module bellow] [--state 0] [--refinement 3] [--json FILE]
+    python -m benchmarks.families.touching [--module bellow] [--state 0] [--refinement 3] [--inner-mm 0.5] [--json FILE]
 
 needs ccx; contrib/pliant-calculix/src is taken as it lies.
 """
@@ -23,10 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.families.graded import graded_problem
 
 from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.discovery import discover
+from pliant_plugins.families.pneunet.family import Pneunet
 from pliant_plugins.families.reference import FINGER, PNEUNET
 from pliant_plugins.fem.skfem.backend import SkfemSolver
 
@@ -47,6 +49,7 @@ MODULES: dict[str, tuple[dict[str, Any], int, str, dict[str, str]]] = {
     ),
 }
 BEYOND = 1.5
+LARGEST_M = 1e-3  # cells where its walls meet: smaller than those of refinement 2
 PRESSURE_STEP_PA, ANGLE_STEP = 2.5e3, -0.05
 TOLERANCE, TIMEOUT_S = 1e-4, 3600.0
 
@@ -172,13 +175,17 @@ def main() -> None:
     parser.add_argument("--module", choices=MODULES, action="append")
     parser.add_argument("--state", type=int, action="append", help="numbers from 0")
     parser.add_argument("--refinement", type=int, help="of the mesh, instead of the module's own")
+    parser.add_argument("--inner-mm", type=float, help="the PneuNet on cells of this size at its inner edges")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     report: dict[str, Any] = {}
     for name in options.module or MODULES:
         family, refinement, *moduli = MODULES[name]
         refinement = options.refinement or refinement
-        problem, material = built("family", **family).problem(refinement), rubber(*moduli)
+        made, material = built("family", **family), rubber(*moduli)
+        problem = made.problem(refinement)
+        if options.inner_mm and isinstance(made, Pneunet):
+            problem = graded_problem(made, 1e-3 * options.inner_mm, LARGEST_M)
         with_contact, without = solver(problem, material, "solve"), solver(problem, material, "end")
         pressure, held = places(with_contact, back=name == "bellow")
         print(f"{name}: walls meet at {pressure / 1e3:.3g} kPa", flush=True)

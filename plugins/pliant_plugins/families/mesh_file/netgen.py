@@ -15,6 +15,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.report.vtu import require_meshio
+from pliant_plugins.families.mesh_file.inner_edges import inner_edges, skin_of
 from pliant_plugins.native import torch_first
 
 UNNAMED = ("", "default")
@@ -31,6 +32,7 @@ def mesh_cad(
     name: Naming | None = None,
     order: int = 2,
     grading: float = 0.3,
+    inner: float | None = None,
 ) -> Path:
     """Mesh a body with tetrahedra and write it with its names: a gmsh .msh file.
 
@@ -42,16 +44,22 @@ def mesh_cad(
             faces end at its sharp edges.
         order: 2 for curved cells, 1 for straight ones.
         grading: how fast cells grow away from fine detail, 0 to 1.
+        inner: largest edge of a cell along sharp inner edges, where stress has its peaks; None: as elsewhere.
 
     Raises:
-        UserError: no such file, another suffix than these, a body without named faces, one that Netgen cannot mesh.
+        UserError: no such file, another suffix than these, an `inner` out of its range, a body without named faces, one
+            that Netgen cannot mesh.
     """
     path = Path(path)
     if path.suffix.lower() != ".msh":
         raise UserError(f"'{path.name}': meshes are written as gmsh files; end the name with .msh.")
+    if inner is not None and not 0 < inner <= largest:
+        raise UserError(
+            f"inner = {inner:g}: the largest edge at inner edges is above 0 and at most {largest:g}."
+        )
     geometry = _geometry(source)
     try:
-        mesh = geometry.GenerateMesh(maxh=largest, grading=grading)
+        mesh = geometry.GenerateMesh(_sizes(geometry, largest, grading, inner))
     except Exception as error:  # Netgen's own exception has no public name
         raise UserError(
             f"Netgen could not mesh the body with edges up to {largest:g} ({error}); is it one closed solid?"
@@ -60,6 +68,18 @@ def mesh_cad(
         mesh.SecondOrder()
     write_netgen(mesh, path, name)
     return path
+
+
+def _sizes(geometry: Any, largest: float, grading: float, inner: float | None) -> Any:
+    """Netgen's parameters; the inner edges are those of a first mesh of the skin."""
+    from netgen.meshing import MeshingParameters, MeshingStep, Pnt
+
+    sizes = MeshingParameters(maxh=largest, grading=grading)
+    if inner is not None:
+        skin = geometry.GenerateMesh(sizes, perfstepsend=MeshingStep.MESHSURFACE)
+        for start, end in inner_edges(*skin_of(skin)):
+            sizes.RestrictHLine(Pnt(*start), Pnt(*end), inner)
+    return sizes
 
 
 def _geometry(source: str | Path | Any) -> Any:

@@ -182,9 +182,15 @@ class Pneunet(ActuatorFamily):
 
 def build_mesh(geometry: ChamberGeometry, refinement: int = 1) -> ModuleMesh:
     """The quarter with its layer as a region; `pin` is the corner above the layer at x = y = 0."""
+    ends = (geometry.x_lines, geometry.y_lines, geometry.z_lines)
+    counted = zip(ends, (ALONG, ACROSS, UPWARD), strict=True)
+    return mesh_on(geometry, [_lines(lines, counts, refinement) for lines, counts in counted])
+
+
+def mesh_on(geometry: ChamberGeometry, lines_m: Sequence[Array]) -> ModuleMesh:
+    """The quarter on grid lines of x, y and z, two intervals per cell; the geometry's own lines are cells' borders."""
     x, y, z = geometry.x_lines, geometry.y_lines, geometry.z_lines
-    counted = ((x, ALONG), (y, ACROSS), (z, UPWARD))
-    nodes, ids = numbered(block(*(_lines(ends, counts, refinement) for ends, counts in counted)))
+    nodes, ids = numbered(block(*lines_m))
     cells = grid_cells(ids)
 
     # between the chambers of neighbouring modules there is air
