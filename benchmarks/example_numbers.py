@@ -52,7 +52,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "next_experiment_plan": ("plan", "next_experiment/finger.yaml"),
     "opposed_chambers": ("compare", "opposed_chambers/joint.yaml"),
     "opposed_chambers_diagnose": ("diagnose", "opposed_chambers/joint.yaml"),
-    "silicone_free": ("calibrate", "materials/silicone.yaml", "--data", "materials/free_bending.csv"),
+    "silicone_free": ("calibrate", "first_finger/finger.yaml", "--data", "materials/free_bending.csv"),
     "silicone_pull": ("calibrate", "materials/silicone.yaml", "--data", "materials/pull.csv"),
     "shape_small": ("optimize", "shape_matching/small.yaml"),
     "gripper_small": ("optimize", "gripper_codesign/small.yaml"),

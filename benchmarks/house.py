@@ -1,6 +1,7 @@
 """The size and shape of the tree: what a reader has to hold.
 
     python -m benchmarks.house             lines and statements, modules with one importer, names of classes, circles
+    python -m benchmarks.house --list      the same, each module with one importer by its name
     python -m benchmarks.house --circles   circles of imports only; exit code 1 where there is one (`make imports`)
 
 An import counts wherever it stands: inside functions and under `TYPE_CHECKING` too. A room is a folder of

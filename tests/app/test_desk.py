@@ -18,7 +18,6 @@ from pliant import api
 from pliant.app import work
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
-from pliant.app.leaving import Leaving
 from pliant.app.open_model import AnswerCache
 from pliant.app.showing import predicted_points
 from pliant.app.work import forms_of
@@ -176,7 +175,7 @@ def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
     """A gain explains everything here: what is fitted beside it lowers the fitted error by chance alone."""
     assert not _fitted(desk, "actuation_gain")["warnings"]
     right = Desk(SessionFolder(bench / "right"), bench / "store")
-    right.begin(Path(Leaving(desk).save("right")["path"]), [])
+    right.begin(Path(desk.leaving.save("right")["path"]), [])
     model = _fitted(right, false)
     assert model["steps"][-1]["fitted"], right.said
     assert any("not predicted better" in one for one in model["warnings"])
@@ -209,20 +208,20 @@ def test_a_fit_that_explains_little_is_said_without_a_diagnosis(desk: Desk) -> N
 
 def test_copying_changes_no_saved_study(desk: Desk) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
-    saved = Path(Leaving(desk).save()["path"])
+    saved = Path(desk.leaving.save()["path"])
     before = saved.read_text()
     desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
-    assert "gain: 1.1" in Leaving(desk).as_yaml()["yaml"]
+    assert "gain: 1.1" in desk.leaving.as_yaml()["yaml"]
     assert saved.read_text() == before
     assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
 
 
 def test_saving_again_writes_over_no_other_study(desk: Desk) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
-    first, same = Path(Leaving(desk).save()["path"]), Path(Leaving(desk).save()["path"])
+    first, same = Path(desk.leaving.save()["path"]), Path(desk.leaving.save()["path"])
     before = first.read_text()
     desk.step(({"kind": "actuation_gain", "gain": 1.1},), [], "another")
-    second = Path(Leaving(desk).save()["path"])
+    second = Path(desk.leaving.save()["path"])
     assert same == first and second.name == f"{first.stem}-2.yaml"
     assert first.read_text() == before and "gain: 1.1" in second.read_text()
 
@@ -251,7 +250,7 @@ def test_what_several_threads_ask_is_worked_out_once() -> None:
 
 def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
     model = _fitted(desk, "actuation_gain")
-    said = Leaving(desk).save()
+    said = desk.leaving.save()
     saved = Path(said["path"])
     assert shlex.split(said["commands"][1])[:2] == ["pliant", "extend"]
     assert "actuation_gain" in said["commands"][1]
@@ -261,7 +260,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     assert np.isclose(api.compare(opened).outputs["angle_rad"].rmse, _rmse(desk), rtol=1e-6)
     by_hand = (dict(model["effects"][0]) | {"gain": 1.1},)
     desk.step(by_hand, [], "by hand")
-    mine = Leaving(desk).save("my own")
+    mine = desk.leaving.save("my own")
     assert shlex.split(mine["commands"][-1]) == ["pliant", "compare", mine["path"]]
     again = api.open_study(mine["path"], store=bench / "store")
     assert again.study.effects[0].canonical()["gain"] == 1.1
@@ -350,7 +349,7 @@ def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> 
     assert np.allclose(np.interp(at, x, value), knots, atol=0.03 * np.ptp(knots))
     assert (x[0] < curve["ends"][0]) and (x[-1] > curve["ends"][1])
     assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
-    saved = api.open_study(Leaving(desk).save()["path"], store=bench / "store")
+    saved = api.open_study(desk.leaving.save()["path"], store=bench / "store")
     assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]
 
 

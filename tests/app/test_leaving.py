@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from tests.command import called
 
 from pliant import api
 from pliant.app.desk import Desk
-from pliant.app.leaving import Leaving, Way, anywhere, commands, notebook
-from pliant.cli.verbs import app
+from pliant.app.leaving import Way, anywhere, commands, notebook
 from pliant.errors import UserError
 from pliant.notebook.study import StudyHandle
 
@@ -23,33 +22,32 @@ GAIN = ({"kind": "actuation_gain", "gain": 1.25},)
 
 def test_the_page_stands_alone_and_says_what_was_doubted(desk: Desk) -> None:
     desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
-    kept = Path(Leaving(desk).keep("page")["kept_path"])
+    kept = Path(desk.leaving.keep("page")["kept_path"])
     html = kept.read_text("utf-8")
     assert "a bias that is not there" in html and "unseen runs become worse" in html
     assert "17.19" in html  # 0.3 rad, in the degrees of the page
     shown = desk.view()["model"]["steps"][-1]
     assert f"{shown['aside']:.3g}" in html
     assert not re.search(r"(?:src|href)=\"http", html)
-    assert Leaving(desk).keep("page", "mine")["kept"] == "mine.html" and kept.exists()
+    assert desk.leaving.keep("page", "mine")["kept"] == "mine.html" and kept.exists()
 
 
 def test_a_copy_of_a_saved_study_reads_its_files_from_anywhere(desk: Desk, tmp_path: Path) -> None:
     desk.step(GAIN, [], "by hand")
     copy = tmp_path / "downloads" / "mine.yaml"
     copy.parent.mkdir()
-    for text in (anywhere(Path(Leaving(desk).save()["path"])), Leaving(desk).as_yaml()["yaml"]):
+    for text in (anywhere(Path(desk.leaving.save()["path"])), desk.leaving.as_yaml()["yaml"]):
         copy.write_text(text)
         assert api.compare(api.open_study(copy, store=tmp_path / "store")).rmse_over_floor < 1.2
 
 
 def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: Path) -> None:
     desk.step(GAIN, [], "by hand")
-    said = Leaving(desk).keep("commands")
+    said = desk.leaving.keep("commands")
     lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
     assert [line[:2] for line in lines] == [["pliant", "compare"]] * 2
     told, where = bench / "told.json", [f"--store={bench / 'store'}", f"--out={bench / 'out'}"]
-    out = CliRunner().invoke(app, [*lines[-1][1:], f"--json={told}", *where])
-    assert out.exit_code == 0, out.output
+    called(*lines[-1][1:], f"--json={told}", *where).done()
     found = json.loads(told.read_text())
     expected = api.compare(api.open_study(said["path"], store=bench / "store"))
     assert np.isclose(_value(found, "rmse_over_floor"), expected.rmse_over_floor)
@@ -98,5 +96,5 @@ def test_the_way_of_each_kind_of_work_in_commands(tmp_path: Path) -> None:
 
 def test_nothing_else_is_kept(desk: Desk) -> None:
     with pytest.raises(UserError, match="page, notebook and commands"):
-        Leaving(desk).keep("../x")
+        desk.leaving.keep("../x")
     assert not list(desk.folder.saved.iterdir())

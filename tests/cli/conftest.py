@@ -6,13 +6,10 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from pliant.cli.verbs import app
+from tests.command import called
 
 STATED = """\
 pliant: 1
@@ -41,29 +38,6 @@ chain: {modules: 4}
 physics: quasistatic
 task: {kind: free_bending, pressure: 15 kPa}
 """
-
-
-@dataclass
-class Call:
-    """What one call printed and returned."""
-
-    code: int
-    out: str
-    err: str
-
-    def done(self, code=0):
-        """The call itself, which ended so."""
-        assert self.code == code, self.err
-        return self
-
-    def refused(self, *words):
-        """It ended with 2 and one or two sentences on standard error that hold the words."""
-        said = " ".join(self.err.split())
-        assert self.code == 2, said
-        assert "error: " in said and "Traceback" not in said and said.count(". ") <= 3, said
-        for word in words:
-            assert word in said, said
-        return self
 
 
 def interrupted(arguments, working):
@@ -96,13 +70,7 @@ def workplace(tmp_path, monkeypatch):
 def pliant(workplace):
     """Call the command; a traceback is a failure of the test."""
 
-    def call(*arguments):
-        result = CliRunner().invoke(app, [str(a) for a in arguments])
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        return Call(result.exit_code, result.stdout, result.stderr)
-
-    return call
+    return called
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.cli.joint_study import JOINT as STUDY
 from tests.diagnosis.quick import effect, joint, measured, rich
+from tests.plugins.test_own_file import EFFECT
 
 from pliant.measurements.writing import write_measurement
 
@@ -73,57 +74,32 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
     assert not (bench.parent / "out.json").exists()
 
 
-OWN = """\
-from typing import Literal
-
-from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
-from pliant.records.term import LawTerm
-
-
-class OwnConfig(EffectConfig):
-    kind: Literal["own"] = "own"
-    rise: float = parameter(unit="rad^-2", neutral=0.0, bounds=(0.0, 5.0), plausible=(0.5, 4.0))
-
-
-class Own(Effect):
-    place = "law"
-    config: OwnConfig
-
-    def apply(self, model: Model) -> Model:
-        return model.with_term(LawTerm("elastic", factor, (self.config.rise,)))
-
-
-def factor(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
-    return 1.0 + parameters[0] * angle * angle
-"""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
-        ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'own' could not be judged"),
-        ("parameters[0]", "parameter[0]", "'own' was left out: "),
+        ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'rise' could not be judged"),
+        ("parameters[0]", "parameter[0]", "'rise' was left out: "),
     ],
 )
 def test_a_mistake_in_an_effect_of_ones_own_is_told_and_the_others_are_judged(
     pliant, bench, workplace, right, wrong, says
 ) -> None:
-    assert OWN.count(right) == 1
-    (workplace / "own.py").write_text(OWN.replace(right, wrong))
+    assert EFFECT.count(right) == 1
+    (workplace / "own.py").write_text(EFFECT.replace(right, wrong))
     bench.write_text(bench.read_text() + "plugins: [own.py]\n")
-    call = pliant("diagnose", bench, "--data", "bench.csv", "--effect", "own", *FEW).done()
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--effect", "rise", *FEW).done()
     assert says in call.out
     assert "Missing: sensor_bias." in call.out
     assert "Traceback" not in call.err
 
 
 def test_a_parameter_declared_wrongly_is_named_with_its_line(pliant, bench, workplace) -> None:
-    assert OWN.count("(0.5, 4.0)") == 1
-    (workplace / "own.py").write_text(OWN.replace("(0.5, 4.0)", "(0.5, 40.0)"))
+    assert EFFECT.count("(0.5, 5.0)") == 1
+    (workplace / "own.py").write_text(EFFECT.replace("(0.5, 5.0)", "(0.5, 500.0)"))
     bench.write_text(bench.read_text() + "plugins: [own.py]\n")
-    pliant("diagnose", bench, "--data", "bench.csv", "--effect", "own", *FEW).refused(
-        "own.py, line 7", "OwnConfig.rise: plausible"
+    pliant("diagnose", bench, "--data", "bench.csv", "--effect", "rise", *FEW).refused(
+        "own.py, line 9", "RiseConfig.rise: plausible"
     )
 
 

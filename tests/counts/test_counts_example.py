@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 from benchmarks.real.grasp_counts import TABLE, published, write_counts
-from typer.testing import CliRunner
+from tests.command import called
 
-from pliant.cli.verbs import app
 from pliant.config.loading import load_study
 from pliant.diagnosis.counts_parameters import task_parameters
 from pliant.evidence.counts import compare_counts, counted_study
@@ -38,8 +37,7 @@ def test_the_hidden_friction_is_among_what_is_left(tmp_path):
         "--store",
         str(store),
     ]
-    ran = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "page"), "measurements.trials=6"])
-    assert ran.exit_code == 0, ran.output
+    called(*words, "--out", tmp_path / "page", "measurements.trials=6").done()
     found = json.loads(result.read_text())
     assert ["task.friction"] in found["credible_set"]
     friction = next(h for h in found["hypotheses"] if h["kinds"] == ["task.friction"])

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from pliant.cli.verbs import app
+from tests.command import called
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "first_finger"
@@ -24,8 +22,7 @@ HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 def pliant(*arguments):
     """A verb, called in this process."""
-    done = CliRunner().invoke(app, list(map(str, arguments)))
-    assert done.exit_code == 0, done.output
+    called(*arguments).done()
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant_plugins.families.mesh_file.inner_edges import inner_edges, skin_of
-from pliant_plugins.families.mesh_file.netgen import mesh_cad
+from pliant_plugins.families.mesh_file.netgen import inner_edges, mesh_cad, skin_of
 
 
 def length(ends: np.ndarray) -> float:

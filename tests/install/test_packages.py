@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.install import built
-from typer.testing import CliRunner
+from tests.command import called
 
-from pliant.cli.verbs import app
 from pliant.examples_shipped import EXAMPLES
 from pliant.measurements.reading import read_measurement
 
@@ -66,7 +65,7 @@ def test_examples_are_packaged_from_where_they_stand():
 def test_the_german_recording_is_the_same(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("hidden-effect", "german-lab"):
-        assert CliRunner().invoke(app, ["example", name]).exit_code == 0
+        called("example", name).done()
     plain, german = (read_measurement(Path(name, "bench.csv")) for name in ("hidden-effect", "german-lab"))
     assert Path("german-lab/bench.csv").read_bytes().startswith(b"Messung;Probe;Zeit [ms];Druck [mbar];")
     for one, other in zip(plain.runs, german.runs, strict=True):
@@ -79,7 +78,6 @@ def test_the_german_recording_is_the_same(tmp_path, monkeypatch):
 def test_an_example_overwrites_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("finger.yaml").write_text("mine")
-    done = CliRunner().invoke(app, ["example", "hidden-effect", "--out", "."])
-    assert (done.exit_code, Path("finger.yaml").read_text()) == (2, "mine")
-    assert "finger.yaml: there already" in done.stderr
-    assert "did you mean 'german-lab'?" in CliRunner().invoke(app, ["example", "german"]).stderr
+    called("example", "hidden-effect", "--out", ".").refused("finger.yaml: there already")
+    assert Path("finger.yaml").read_text() == "mine"
+    called("example", "german").refused("did you mean 'german-lab'?")

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.command import called
 from tests.slow import slow_among
-from typer.testing import CliRunner
 
 from pliant import api
-from pliant.cli.verbs import app
 from pliant.pipeline import dataset
 from pliant.store.store import ARRAYS, MANIFEST, _json_digest, digests, load_artifact
 
@@ -28,8 +27,7 @@ def _json(folder: Path, *arguments: str) -> dict:
     """The JSON of a command that ends well."""
     target = folder / "answer.json"
     options = [] if arguments[0] == "report" else ["--store", str(folder / "store"), "--json", str(target)]
-    done = CliRunner().invoke(app, [*arguments, *options], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
+    called(*arguments, *options).done()
     return json.loads(target.read_text()) if options else {}
 
 

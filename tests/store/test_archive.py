@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from tests.cli.conftest import pliant, workplace, write  # noqa: F401 - fixtures
+from tests.command import called
 from tests.plugins.test_own_file import EFFECT
-from typer.testing import CliRunner
 
-from pliant.cli.verbs import app
 from pliant.errors import UserError
 from pliant.store import archive as module
 from pliant.store.archive import import_archive
@@ -48,7 +47,7 @@ def ran(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
         for call in ("run home/study.yaml --out home/run", "store --export home/study.yaml --out study.zip"):
-            assert CliRunner().invoke(app, [*call.split(), "--store", "home/store"]).exit_code == 0
+            called(*call.split(), "--store", "home/store").done()
     return place
 
 

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from tests.command import called
 
-from pliant.cli.verbs import app
 from pliant.config.loading import load_study
 from pliant.config.study import Study, study_model
 from pliant.errors import UserError
@@ -48,9 +47,7 @@ def study(tmp_path: Path) -> Path:
 @pytest.mark.pixels
 def test_a_study_becomes_a_page(study: Path, tmp_path: Path) -> None:
     out, result = tmp_path / "run", tmp_path / "result.json"
-    words = ["run", str(study), "--out", str(out), "--json", str(result), "--store", str(tmp_path / "store")]
-    ran = CliRunner().invoke(app, words)
-    assert ran.exit_code == 0, ran.output
+    called("run", study, "--out", out, "--json", result, "--store", tmp_path / "store").done()
     found = json.loads(result.read_text())["simulate"]
     assert found["residual"] is None  # contact forces are not in it
     assert found["converged"] is True

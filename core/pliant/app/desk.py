@@ -12,9 +12,10 @@ from pydantic import ValidationError
 
 from pliant import __version__, api
 from pliant.app import describing, work
-from pliant.app.folder import key_of
+from pliant.app.folder import SessionFolder, key_of
 from pliant.app.inbox import MOST_BYTES, STUDIES, TABLES, checked_study, too_large
 from pliant.app.jobs import Job
+from pliant.app.leaving import Leaving
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects, PageState, PageStep, as_effects
 from pliant.app.screening import screened
@@ -31,7 +32,11 @@ from pliant.store.store import write_atomically
 
 
 class Desk(PageSession):
-    """A session that is asked and told."""
+    """A session that is asked and told; what it leaves behind is written by `leaving`."""
+
+    def __init__(self, folder: SessionFolder, store: Path) -> None:
+        super().__init__(folder, store)
+        self.leaving = Leaving(self)
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open what the command names, or go on where the session was; work that was cut off is taken up."""

@@ -34,7 +34,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from pliant.app.desk import Desk
 from pliant.app.folder import SessionFolder
 from pliant.app.inbox import receive, safe_name
-from pliant.app.leaving import Leaving, anywhere
+from pliant.app.leaving import anywhere
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import as_effects
 from pliant.errors import PliantError, UserError
@@ -108,7 +108,6 @@ def _refusal(sentence: str) -> Response:
 
 def application(desk: Desk, token: str) -> Starlette:
     """The server's application on a session."""
-    leaving = Leaving(desk)
 
     def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
         async def handle(request: Request) -> Response:
@@ -155,9 +154,9 @@ def application(desk: Desk, token: str) -> Starlette:
             str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
         ),
         "stop": lambda v: desk.stop(),
-        "save": lambda v: leaving.save(str(v.get("name", ""))),
-        "keep": lambda v: leaving.keep(str(v["what"]), str(v.get("name", ""))),
-        "yaml": lambda v: leaving.as_yaml(),
+        "save": lambda v: desk.leaving.save(str(v.get("name", ""))),
+        "keep": lambda v: desk.leaving.keep(str(v["what"]), str(v.get("name", ""))),
+        "yaml": lambda v: desk.leaving.as_yaml(),
         "describe": lambda v: desk.describe(v),
         "forget": lambda v: desk.forget(str(v["name"])),
         "example": example,
@@ -185,7 +184,7 @@ def application(desk: Desk, token: str) -> Starlette:
 
     async def report(request: Request) -> Response:
         try:
-            html = await run_in_threadpool(leaving.report)
+            html = await run_in_threadpool(desk.leaving.report)
         except PliantError as error:
             return PlainTextResponse(f"{error}\n", 422)
         return Response(html, media_type="text/html", headers={"Content-Security-Policy": OF_REPORTS})

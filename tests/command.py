@@ -1,0 +1,40 @@
+"""The command line, called in this process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import app
+
+
+@dataclass
+class Call:
+    """What one call printed and returned."""
+
+    code: int
+    out: str
+    err: str
+
+    def done(self, code: int = 0) -> Call:
+        """The call itself, which ended so."""
+        assert self.code == code, self.err
+        return self
+
+    def refused(self, *words: str) -> Call:
+        """It ended with 2 and one or two sentences on standard error that hold the words."""
+        said = " ".join(self.err.split())
+        assert self.code == 2, said
+        assert "error: " in said and "Traceback" not in said and said.count(". ") <= 3, said
+        for word in words:
+            assert word in said, said
+        return self
+
+
+def called(*words: object) -> Call:
+    """Call the command; a traceback is a failure of the test."""
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Call(result.exit_code, result.stdout, result.stderr)
