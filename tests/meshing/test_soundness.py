@@ -11,9 +11,9 @@ import pytest
 from pliant.errors import ContractError, UserError
 from pliant.meshing.cells import area_vectors, boundary_faces, cell_volumes, loose_edges
 from pliant.meshing.raising import piece_mesh
-from pliant.meshing.soundness import found_wrong
+from pliant.meshing.soundness import found_wrong, hollows_found
 from pliant.pipeline.dataset import require_sound
-from pliant.records.fem import ModuleProblem
+from pliant.records.fem import Link, ModuleProblem
 from pliant.registry.discovery import discover
 from pliant.testing import Subject
 from pliant.testing.box import BoxShape, box_problem
@@ -147,3 +147,14 @@ def test_each_pressure_has_its_own_faces():
     # one chamber for two pressures: each half is open toward the other
     two = replace(BOX, mesh=mesh, actuation="pressure_1_pa, pressure_2_pa")
     assert "the cavity of 'pressure_1_pa' leaks" in found_wrong(two)
+
+
+def test_planes_may_lie_anywhere_and_linked_edges_are_no_leak():
+    """The piece moved along y keeps its plane of symmetry; held by links instead of a plane it is open there only."""
+    moved = remeshed(nodes_m=BOX.mesh.nodes_m + np.array([0.0, -20e-3, 0.0]))
+    assert found_wrong(moved) == ""
+    free = {name: parts for name, parts in BOX.fixed.items() if name != "symmetry"}
+    assert "leaks" in next(hollows_found(replace(BOX, fixed=free)))
+    first, second = np.split(BOX.mesh.node_sets["symmetry"], 2)
+    linked = replace(BOX, fixed=free, links=(Link(first, second, {2: 1.0}),))
+    assert next(hollows_found(linked), "") == ""

@@ -7,6 +7,7 @@ of `found_wrong` before it solves anything: a cavity with a hole would be solved
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -37,7 +38,7 @@ def found_wrong(problem: ModuleProblem) -> str:
     """The first thing for which the problem cannot be solved as it is meant; empty where there is none."""
     findings = chain(
         *(of(problem.mesh) for of in (cells_found, nodes_found)),
-        *(of(problem) for of in (ends_found, cavities_found, hollows_found, supports_found, links_found)),
+        *(of(problem) for of in (ends_found, links_found, supports_found, cavities_found, hollows_found)),
     )
     return next(findings, "")
 
@@ -107,7 +108,7 @@ def hollows_found(problem: ModuleProblem) -> Iterator[str]:
     mesh, pressures = problem.mesh, _pressures(problem)
     if not pressures or not len(mesh.cavity):
         return
-    planes = _planes(problem)
+    planes, linked = _planes(problem), _linked(problem)
     several = len(problem.actuations) > 1
     each = (
         {name: mesh.cavities.get(name, mesh.cavity[:0]) for name in pressures}
@@ -116,7 +117,8 @@ def hollows_found(problem: ModuleProblem) -> Iterator[str]:
     )
     for name, faces in each.items():
         if len(faces):
-            yield from _hollow_found(mesh, faces, planes, f"the cavity of '{name}'" if name else "the cavity")
+            whose = f"the cavity of '{name}'" if name else "the cavity"
+            yield from _hollow_found(mesh, faces, planes, linked, whose)
 
 
 def _pressures(problem: ModuleProblem) -> list[str]:
@@ -156,40 +158,65 @@ def _faces_found(mesh: ModuleMesh) -> Iterator[str]:
 
 
 def _hollow_found(
-    mesh: ModuleMesh, faces: IntArray, planes: dict[str, NDArray[np.bool_]], name: str
+    mesh: ModuleMesh,
+    faces: IntArray,
+    planes: Sequence[Plane],
+    linked: NDArray[np.bool_],
+    name: str,
 ) -> Iterator[str]:
-    """Whether faces and the planes where the module goes on enclose a hollow."""
-    for plane, on in planes.items():
-        inside = np.flatnonzero(on[faces].all(axis=1))
+    """Whether faces and the planes where the module goes on enclose a hollow; `linked` nodes (n,) have partners."""
+    for plane in planes:
+        inside = np.flatnonzero(plane.nodes[faces].all(axis=1))
         if len(inside):
-            yield f"{len(inside)} faces of {name} lie in the plane {plane}, where the module goes on: they are no wall"
+            at = f"the plane {plane}, where the module goes on"
+            yield f"{len(inside)} faces of {name} lie in {at}: they are no wall"
             return
     loose = loose_edges(faces)
-    for on in planes.values():
+    for on in (linked, *(plane.nodes for plane in planes)):
         loose = loose[~on[loose].all(axis=1)]
     if len(loose):
         at = "; ".join(_place(mesh.nodes_m[edge].mean(axis=0)) for edge in loose[:FEW])
         yield (
             f"{name} leaks: {len(loose)} of its edges belong to no second face of it and lie in no plane where the "
-            f"module goes on ({', '.join(planes)}), the first at {at} m"
+            f"module goes on ({', '.join(map(str, planes))}), the first at {at} m"
         )
         return
     points, normals = kind_of_faces(faces).face_quadrature(mesh.nodes_m, faces)
-    # ∮ y n_y dA: what closes the hollow in planes of x, and in y = 0, adds nothing
-    if -float(np.sum(points[..., 1] * normals[..., 1])) <= 0:
+    # ∮ (y − y₀) n_y dA: what closes the hollow in planes of x and z, and in y = y₀, adds nothing
+    y0 = next((plane.place_m for plane in planes if plane.axis == 1), 0.0)
+    if -float(np.sum((points[..., 1] - y0) * normals[..., 1])) <= 0:
         yield f"{name} encloses no hollow: its faces go around the solid"
 
 
-def _planes(problem: ModuleProblem) -> dict[str, NDArray[np.bool_]]:
-    """Where the module goes on beyond the piece: end sections and mirror planes, and which nodes lie in them."""
-    mesh, near = problem.mesh, NEAR * problem.span_m
-    x = mesh.nodes_m
-    found = {"x = 0": np.abs(x[:, 0]) < near, "x = span": np.abs(x[:, 0] - problem.span_m) < near}
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane across an axis in which the module goes on beyond the piece, and which nodes (n,) lie in it."""
+
+    axis: int
+    place_m: float
+    nodes: NDArray[np.bool_]
+
+    def __str__(self) -> str:
+        return f"{'xyz'[self.axis]} = {self.place_m:.4g}"
+
+
+def _planes(problem: ModuleProblem) -> list[Plane]:
+    """End sections, and the planes that hold the nodes of a set in their place: those of symmetry."""
+    x, near = problem.mesh.nodes_m, NEAR * problem.span_m
+    places = [(0, 0.0), (0, problem.span_m)]
     for name, components in problem.fixed.items():
-        nodes = x[mesh.node_sets[name]] if name in mesh.node_sets else x[:0]
-        for c in (1, 2):
-            if c in components and len(nodes) > 1 and np.abs(nodes[:, c]).max() < near:
-                found["xyz"[c] + " = 0"] = np.abs(x[:, c]) < near
+        nodes = x[problem.mesh.node_sets[name]] if name in problem.mesh.node_sets else x[:0]
+        if len(nodes) > 1:
+            flat = [c for c in (1, 2) if c in components and np.ptp(nodes[:, c]) < near]
+            places += [(c, float(nodes[:, c].mean())) for c in flat]
+    return [Plane(c, place, np.abs(x[:, c] - place) < near) for c, place in dict.fromkeys(places)]
+
+
+def _linked(problem: ModuleProblem) -> NDArray[np.bool_]:
+    """(n,) nodes that move as others do, where a piece meets its image."""
+    found = np.zeros(len(problem.mesh.nodes_m), bool)
+    for link in problem.links:
+        found[link.first] = found[link.second] = True
     return found
 
 
