@@ -26,7 +26,7 @@ RECORDS = {
     "rollout": "inputs and results of an engine",
     "scene": "objects beside a chain",
 }
-MESHING = ("grids", "hexahedra", "tetrahedra", "cells", "raising", "stacking", "masses", "surfaces")
+MESHING = ("grids", "hexahedra", "tetrahedra", "cells", "raising", "piece", "stacking", "masses", "surfaces")
 PUBLIC = (
     "Public in the sense of [the plugin contract](../plugin_contract.md#what-is-public). "
     "Frozen: `dataclasses.replace` makes a changed one."

@@ -10,7 +10,7 @@ import pytest
 
 from pliant.errors import ContractError, UserError
 from pliant.meshing.cells import area_vectors, boundary_faces, cell_volumes, loose_edges
-from pliant.meshing.raising import piece_mesh
+from pliant.meshing.piece import piece_mesh
 from pliant.meshing.soundness import found_wrong, hollows_found
 from pliant.pipeline.dataset import require_sound
 from pliant.records.fem import Link, ModuleProblem

@@ -53,7 +53,7 @@ class Executor(ABC):
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         """Begin a call of a module's function with plain values; its future."""
 
-    def at_once(self) -> int | None:
+    def capacity(self) -> int | None:
         """How many run at a time as things stand; None where that is not known."""
         return self.size
 
@@ -166,7 +166,7 @@ class DaskExecutor(FuturesExecutor):
         super().__init__(self._client.get_executor())
         self._counted: tuple[float, int | None] = (-COUNT_EVERY_S, None)
 
-    def at_once(self) -> int | None:
+    def capacity(self) -> int | None:
         """Threads of all workers, asked for now and then: they come and go."""
         if time.monotonic() - self._counted[0] >= COUNT_EVERY_S:
             self._counted = time.monotonic(), sum(self._client.nthreads().values()) or None

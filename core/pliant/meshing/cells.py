@@ -137,6 +137,12 @@ def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:
     return float(np.einsum("fqi,fqi->", points, normals) / 3)
 
 
+def hollow_volume(nodes_m: Array, faces: IntArray, y0_m: float = 0.0) -> float:
+    """−∫ (y − y₀) n_y dA in m³ over a cavity's faces: its volume where planes of x, z or y = y₀ close it."""
+    points, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
+    return -float(np.sum((points[..., 1] - y0_m) * normals[..., 1]))
+
+
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Faces that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
     return kind_of(cells).boundary_faces(cells)

@@ -21,8 +21,8 @@ from pliant.meshing.cells import (
     cell_volumes,
     enclosed_volume,
     face_keys,
+    hollow_volume,
     kind_of,
-    kind_of_faces,
     loose_edges,
 )
 from pliant.records.actuation import is_known
@@ -181,10 +181,8 @@ def _hollow_found(
             f"module goes on ({', '.join(map(str, planes))}), the first at {at} m"
         )
         return
-    points, normals = kind_of_faces(faces).face_quadrature(mesh.nodes_m, faces)
-    # ∮ (y − y₀) n_y dA: what closes the hollow in planes of x and z, and in y = y₀, adds nothing
     y0 = next((plane.place_m for plane in planes if plane.axis == 1), 0.0)
-    if -float(np.sum((points[..., 1] - y0) * normals[..., 1])) <= 0:
+    if hollow_volume(mesh.nodes_m, faces, y0) <= 0:
         yield f"{name} encloses no hollow: its faces go around the solid"
 
 

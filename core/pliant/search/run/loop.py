@@ -308,7 +308,7 @@ class Loop:
         """
         most = max(1, round(CHUNK_S / self._each_s)) if self._each_s > 0.0 else len(trials)
         least = max(1, round(LEAST_S / self._each_s)) if self._each_s > 0.0 else 1
-        workers = self._queue.executor.at_once() or len(trials)
+        workers = self._queue.executor.capacity() or len(trials)
         while trials:
             share = -(-len(trials) // (2 * workers)) if len(self._branches) == 1 else len(trials)
             count = min(max(share, least), most)

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from pliant.errors import InvalidDesignError, closest
-from pliant.meshing.cells import kind_of, kind_of_faces
+from pliant.meshing.cells import hollow_volume, kind_of
 from pliant.meshing.raising import as_quadratic, mirrored_y
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
@@ -170,8 +170,7 @@ def _mesh(nodes: Array, cells: IntArray, walls: dict[str, IntArray], sets: dict[
 
 def _require_hollow(nodes: Array, faces: IntArray, name: str) -> None:
     """Raise `InvalidDesignError` where a cavity's faces enclose the solid instead of a hollow."""
-    points, normals = kind_of_faces(faces).face_quadrature(nodes, faces)
-    if -float(np.sum(points[..., 1] * normals[..., 1])) <= 0:
+    if hollow_volume(nodes, faces) <= 0:
         raise InvalidDesignError(
             f"surface '{name}' encloses no hollow: the solid lies on its inner side; name the chamber's wall, not the "
             "skin."
