@@ -62,16 +62,19 @@ def _records(markdown: Callable[[str], str]) -> str:
 
 def _meshing(markdown: Callable[[str], str]) -> str:
     lines = [
-        "# Meshing helpers",
+        "# Families and their meshes",
         "",
-        "What a family may make its `ModuleMesh` with: blocks of hexahedra from lattice lines (`grids`), holes in "
-        "them, boundary faces, other cells, masses and skins of the result. Families that ship are the examples: "
+        "What a family may be made with: the inequalities of its designs and a base for modules of which a quarter is "
+        "solved (`pliant.families`); blocks of hexahedra from lattice lines (`grids`), holes in them, boundary faces, "
+        "other cells, masses and skins of the result. Families that ship are the examples: "
         "[write a plugin](../write_a_plugin.md).",
         "",
     ]
-    for name in MESHING:
-        module = importlib.import_module(f"pliant.meshing.{name}")
-        lines += [f"## `pliant.meshing.{name}`", "", markdown(inspect.getdoc(module) or ""), ""]
+    for name in ("families", *(f"meshing.{room}" for room in MESHING)):
+        module = importlib.import_module(f"pliant.{name}")
+        lines += [f"## `pliant.{name}`", "", markdown(inspect.getdoc(module) or ""), ""]
+        for cls in _own(module, inspect.isclass) if name == "families" else ():
+            lines += [f"### {cls.__name__}", "", markdown(inspect.getdoc(cls) or ""), ""]
         for function in _own(module, inspect.isfunction):
             signature = str(inspect.signature(function)).replace("'", "")
             lines += [

@@ -110,9 +110,9 @@ def test_the_length_of_a_module_does_not_matter() -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"sleeve": "2.5 mm"}, r"sleeve .* < wall, but 2.5 mm against 2.5 mm"),
-        ({"thread_angle": "95 deg"}, "thread_angle between 0 and 90 deg, but it is 95 deg, off by 5 deg"),
-        ({"sheet_angle": "0 deg"}, "sheet_angle between 0 and 180 deg"),
+        ({"sleeve": "2.5 mm"}, r"sleeve < wall .*but 2.5 mm ≥ 2.5 mm"),
+        ({"thread_angle": "95 deg"}, "thread_angle ≤ 90°, but 95° > 90°, over by 5°"),
+        ({"sheet_angle": "0 deg"}, "sheet_angle > 0°"),
         ({"radius": 6}, "1 m"),
     ],
 )

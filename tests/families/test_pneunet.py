@@ -36,9 +36,9 @@ def free(layer: float, **changes: Any) -> FemState:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"wall": "4.5 mm"}, r"2 wall \+ gap .* < module_length, but 10 mm against 10 mm"),
-        ({"shell": "6.6 mm"}, r"2 shell \+ channel_width .* misses it by 0.2 mm"),
-        ({"height": "6 mm"}, r"floor \+ channel_height \+ bridge \+ shell .* misses it by 0.5 mm"),
+        ({"wall": "4.5 mm"}, r"2 wall \+ gap < module_length .*but 10 mm ≥ 10 mm"),
+        ({"shell": "6.6 mm"}, r"2 shell \+ channel_width .* over by 0.2 mm"),
+        ({"height": "6 mm"}, r"floor \+ channel_height \+ bridge \+ shell .* over by 0.5 mm"),
         ({"layer": "0 mm"}, r"layer > 0"),
         ({"width": 15}, "1 m"),
     ],

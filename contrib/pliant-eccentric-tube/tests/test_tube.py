@@ -64,4 +64,11 @@ def test_small_pressure_bends_it_as_a_beam(tube: EccentricTube) -> None:
 )
 def test_impossible_tubes_are_refused(section: Section, length: float, says: str) -> None:
     with pytest.raises(InvalidDesignError, match=says):
-        section.check(length)
+        EccentricTube(
+            EccentricTubeConfig(
+                outer_radius_m=section.outer_m,
+                bore_radius_m=section.bore_m,
+                offset_m=section.offset_m,
+                module_length_m=length,
+            )
+        )

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.families import Need, QuarterModule, geometry_of
+from pliant.interfaces.family import FamilyConfig
 from pliant.mechanics.rotations import exp_map
-from pliant.meshing.masses import UNIFORM, half_masses
-from pliant.meshing.surfaces import half_skins
-from pliant.records.design import ModuleMass
-from pliant.records.fem import ModuleMesh
-from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.records.shape import HalfShapes, Shape
 from pliant.units import Length
 from pliant_plugins.families.bellow.profile import BellowProfile
 
@@ -41,41 +37,16 @@ class MidSurfaceConfig(FamilyConfig):
     module_length_m: Length = Field(description="l: length of one convolution, the module")
 
 
-class Bellow(ActuatorFamily):
-    """A bellow; a module runs from mid-trough to mid-trough."""
-
-    geometry: BellowProfile
-
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
-
-    @abstractmethod
-    def _half_section(self) -> ModuleMesh:
-        """The end half of the module, y ≥ 0."""
+class MidSurfaceBellow(QuarterModule):
+    """A bellow whose wall is the profile ± t/2; a module runs from mid-trough to mid-trough."""
 
     @cached_property
-    def _half(self) -> ModuleMesh:
-        return self._half_section()
+    def geometry(self) -> BellowProfile:
+        """The profile."""
+        return geometry_of(self.config, BellowProfile)
 
-    def surface(self) -> HalfSurfaces:
-        """The skin of the mesh: the undulating wall, open at both ends as the modules are, and what is fused to it."""
-        return half_skins(self._half)
-
-    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
-        return half_masses(self._half, density_kg_m3, regions=regions)
-
-
-class MidSurfaceBellow(Bellow):
-    """A bellow whose wall is the profile ± t/2."""
-
-    def __init__(self, config: MidSurfaceConfig) -> None:
-        super().__init__(config)
-        self.geometry = BellowProfile(
-            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
-        )
-        self.geometry.check_mid_surface(config.kind)
+    def needs(self) -> Iterator[Need]:
+        return self.geometry.mid_surface_needs()
 
     def shapes(self) -> HalfShapes:
         """Cylinders around the crests of the two halves."""

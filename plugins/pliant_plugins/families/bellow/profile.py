@@ -8,15 +8,13 @@ its sides, is the family's choice. Source of the shape: Yao, Howard, Maiolino (2
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NoReturn
 
 import numpy as np
 
-from pliant.errors import InvalidDesignError
+from pliant.families import Need
 from pliant.records.design import Array
-
-LARGEST_MODULE_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -101,44 +99,14 @@ class BellowProfile:
         trough = self.inner_radius_m + self.arc_radius_m - np.sqrt(np.maximum(narrow**2 - left**2, 0.0))
         return np.where(x < wide, crest, trough)
 
-    def check_profile(self, kind: str) -> None:
-        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the profile exists."""
-        r, R, t, l = self.inner_radius_m, self.average_radius_m, self.wall_m, self.module_length_m  # noqa: E741
-        lengths = {"inner_radius": r, "average_radius": R, "wall": t, "module_length": l}
-        for name, value in lengths.items():
-            if not value > 0:
-                raise InvalidDesignError(
-                    f"{kind} needs {name} > 0, but {name} = {mm(value)}, short by {mm(abs(value))}."
-                )
-        size = max(l, 2 * (self.crest_radius_m + t))
-        if size > LARGEST_MODULE_M:
-            raise InvalidDesignError(
-                f"{kind} needs module_length and outer diameter ≤ {mm(LARGEST_MODULE_M)}, "
-                f"but the larger is {mm(size)}, over by {mm(size - LARGEST_MODULE_M)} "
-                "(were units forgotten: bare numbers are metres, write '11 mm')."
-            )
-        if (R - r) - l / 4 < -1e-6 * l:
-            needs = "average_radius − inner_radius ≥ module_length/4 (room for the arcs)"
-            refuse(kind, needs, R - r, "<", l / 4)
+    def profile_needs(self) -> Iterator[Need]:
+        """What a profile of lengths above 0 keeps besides."""
+        arcs = "average_radius − inner_radius ≥ module_length/4 (room for the arcs)"
+        yield Need(arcs, self.average_radius_m - self.inner_radius_m, self.arc_radius_m)
 
-    def check_mid_surface(self, kind: str) -> None:
-        """`check_profile`, and what a wall from −t/2 to t/2 about the profile needs."""
-        self.check_profile(kind)
-        half, l = self.wall_m / 2, self.module_length_m  # noqa: E741
-        if l / 4 - half <= 1e-6 * l:
-            refuse(kind, "module_length/4 > wall/2 (or the arcs' inner side collapses)", l / 4, "≤", half)
-        if self.inner_radius_m - half <= 1e-6 * l:
-            refuse(kind, "inner_radius > wall/2 (or the trough closes)", self.inner_radius_m, "≤", half)
-
-
-def refuse(kind: str, needs: str, left_m: float, sign: str, right_m: float) -> NoReturn:
-    """Raise `InvalidDesignError`: the inequality that is broken, its two sides, and by how much."""
-    short = mm(abs(left_m - right_m))
-    raise InvalidDesignError(
-        f"{kind} needs {needs}, but {mm(left_m)} {sign} {mm(right_m)}, short by {short}."
-    )
-
-
-def mm(length_m: float) -> str:
-    """A length for messages."""
-    return f"{1e3 * length_m:.6g} mm"
+    def mid_surface_needs(self) -> Iterator[Need]:
+        """`profile_needs`, and what a wall from −t/2 to t/2 about the profile needs."""
+        yield from self.profile_needs()
+        half = self.wall_m / 2
+        yield Need("module_length/4 > wall/2 (or the arcs' inner side collapses)", self.arc_radius_m, half)
+        yield Need("inner_radius > wall/2 (or the trough closes)", self.inner_radius_m, half)

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
+from pliant.families import Need, QuarterModule, geometry_of
 from pliant.interfaces.family import FamilyConfig
-from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.fem import ModuleMesh
 from pliant.records.shape import HalfShapes, Shape
 from pliant.records.structure import StructureProblem
 from pliant.units import Length
-from pliant_plugins.families.bellow.module import Bellow, tube
+from pliant_plugins.families.bellow.module import tube
 from pliant_plugins.families.bellow_bending.mesh import BellowGeometry, build_mesh, build_structure
 
 
 class BellowBendingConfig(FamilyConfig):
     """A bellow whose wall has thickness t outside a profile of radii r (trough) and 2R − r (crest).
 
-    Which values make a valid design is the family's own check (`BellowGeometry.check`), so that its message
-    can name the inequality.
+    Which values make a valid design: `BellowGeometry.needs`.
     """
 
     kind: Literal["bellow_bending"] = "bellow_bending"
@@ -30,44 +32,29 @@ class BellowBendingConfig(FamilyConfig):
     module_length_m: Length = Field(description="l: length of one convolution, the module")
 
 
-class BellowBending(Bellow):
+class BellowBending(QuarterModule):
     """One design of the bending bellow.
 
     A module runs from mid-trough to mid-trough with its joint at mid-crest, on the plate's mid-plane: modules
     meet at the narrow section, where the tube ends anyway and least mass crosses the border. The solved piece
-    is the half that moves with the child, x ∈ [0, l/2], cut by the mirror plane y = 0.
+    is the half that moves with the child, x ∈ [0, l/2], cut by the mirror plane y = 0. The pinned node, at the
+    origin, removes the rigid motion along z; the line z = 0, whose strain is e, is the plate's mid-plane.
     """
 
-    geometry: BellowGeometry
+    @cached_property
+    def geometry(self) -> BellowGeometry:
+        """The profile, and the plate."""
+        return geometry_of(self.config, BellowGeometry)
 
-    def __init__(self, config: BellowBendingConfig) -> None:
-        super().__init__(config)
-        self.geometry = BellowGeometry(
-            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
-        )
-        self.geometry.check()
+    def needs(self) -> Iterator[Need]:
+        return self.geometry.needs()
 
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's.
-
-        The pinned node, at the origin, removes the rigid motion along z; the line z = 0, whose strain is e,
-        is the plate's mid-plane.
-        """
-        return ModuleProblem(
-            mesh=build_mesh(self.geometry, refinement),
-            span_m=self.geometry.half_length_m,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
-            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
-        )
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return build_mesh(self.geometry, refinement)
 
     def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
         """`modules` of them as one body."""
         return build_structure(self.geometry, modules, refinement)
-
-    def _half_section(self) -> ModuleMesh:
-        return build_mesh(self.geometry)
 
     def shapes(self) -> HalfShapes:
         """For each half a box, the plate, 2R wide and 2t thick, and a cylinder around the crests, of radius Rc + t.

@@ -18,17 +18,19 @@ would be exact with a straight angle at one node, the slightly smaller value lea
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pliant.families import Need
 from pliant.meshing.grids import grid_cells, grid_faces, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.meshing.stacking import capped, stacked
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant.records.structure import StructureProblem
-from pliant_plugins.families.bellow.profile import BellowProfile, refuse
+from pliant_plugins.families.bellow.profile import BellowProfile
 
 SQUIRCLE = 0.42  # β
 WIDEST_FOOT = 0.85  # of R: what lies beyond belongs to the plate's side strip
@@ -43,13 +45,11 @@ class BellowGeometry(BellowProfile):
         """z of the tube's axis in the module frame: Rc + t above the plate's mid-plane."""
         return self.crest_radius_m + self.wall_m
 
-    def check(self) -> None:
-        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the solid exists."""
-        self.check_profile("bellow_bending")
-        t, l = self.wall_m, self.module_length_m  # noqa: E741
-        if l / 4 - t <= 1e-6 * l:
-            needs = "module_length/4 > wall (or the trough's outer arc collapses)"
-            refuse("bellow_bending", needs, l / 4, "≤", t)
+    def needs(self) -> Iterator[Need]:
+        """What lengths above 0 keep besides."""
+        yield from self.profile_needs()
+        outside = "module_length/4 > wall (or the trough's outer arc collapses)"
+        yield Need(outside, self.arc_radius_m, self.wall_m)
 
     def plate_volume(self) -> float:
         """Volume (m³) of one module's plate, 2t · 2R · l."""

@@ -8,20 +8,20 @@ alone. In its mass: the part of the rod inside the cavity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
+from pliant.families import Need
 from pliant.meshing.masses import UNIFORM, mirrored
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import Closing, ModuleMesh, ModuleProblem, Ribbon
 from pliant.records.law import JointKind
 from pliant.units import Force, Length
 from pliant_plugins.families.bellow.module import MidSurfaceBellow, MidSurfaceConfig
-from pliant_plugins.families.bellow.profile import BellowProfile, mm
+from pliant_plugins.families.bellow.profile import BellowProfile
 from pliant_plugins.families.bellow.revolved import RevolvedCounts, ring, sector
 
 OFFSET = 0.825  # of r
@@ -84,9 +84,16 @@ class BellowHelical(MidSurfaceBellow):
     main_axis: ClassVar[str] = "y"
     config: BellowHelicalConfig
 
-    def __init__(self, config: BellowHelicalConfig) -> None:
-        super().__init__(config)
-        _check_constraint(config, self.offset_m, self.geometry)
+    def needs(self) -> Iterator[Need]:
+        """The profile's, and that the constraint lies within the trough."""
+        yield from super().needs()
+        outer, offset = self.geometry.inner_radius_m + self.geometry.wall_m / 2, self.offset_m
+        yield Need("constraint_offset < inner_radius + wall/2 (it lies within the trough)", offset, outer)
+        if (width := self.config.constraint_width_m) is not None:
+            chord = 2 * float(np.sqrt(outer**2 - offset**2))
+            trough = "constraint_width ≤ the trough's outer circle at the constraint's height"
+            yield Need(trough, width, chord)
+        yield Need("constraint_stiffness > 0", self.config.constraint_stiffness_n, 0.0, "N")
 
     @property
     def offset_m(self) -> float:
@@ -115,20 +122,11 @@ class BellowHelical(MidSurfaceBellow):
         return self.config.crest == "rigid"
 
     def _half_module(self, refinement: int) -> ModuleProblem:
-        return ModuleProblem(
-            mesh=sector(
-                self.geometry,
-                RevolvedCounts.of(self.geometry, refinement),
-                quarters=2,
-                axis_height_m=self.offset_m,
-            ),
-            span_m=self.geometry.half_length_m,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
+        return self.piece(
+            self.mesh(refinement),
+            axes=("y",),
             fixed={"start": (0, 1) if self._rigid_crest else (0,), "end": (0, 1, 2), "symmetry": (1,)},
             tied={"start": (2,)} if self._rigid_crest else {},
-            joint="spherical",
             ribbons=(Ribbon(self.constraint_width_m / 2, self.config.constraint_stiffness_n / 2),),
             contact_range=self._closing.range,
             closing=self._closing,
@@ -140,16 +138,14 @@ class BellowHelical(MidSurfaceBellow):
         tied: dict[str, tuple[int, ...]] = {} if hinged else {"end": (1,)}
         if self._rigid_crest:
             fixed, tied = {**fixed, "crest": (0,)}, {**tied, "crest": (1, 2)}
-        return ModuleProblem(
-            mesh=ring(self.geometry, RevolvedCounts.of(self.geometry, refinement), self.offset_m),
+        return self.piece(
+            ring(self.geometry, RevolvedCounts.of(self.geometry, refinement), self.offset_m),
             span_m=self.module_length_m,
-            reference_z_m=0.0,
             deformation_scale=1.0,
             energy_scale=1.0,
             fixed=fixed,
             tied=tied,
             axes=axes,
-            joint="spherical",
             ribbons=(Ribbon(self.constraint_width_m, self.config.constraint_stiffness_n),),
             contact_range=self._closing.range,
             closing=self._closing,
@@ -161,10 +157,9 @@ class BellowHelical(MidSurfaceBellow):
         outer = 2 * self.config.average_radius_m - self.config.inner_radius_m + self.config.wall_m
         return Closing(outer, self.offset_m, (1 - CLOSED) * self.module_length_m)
 
-    def _half_section(self) -> ModuleMesh:
-        return sector(
-            self.geometry, RevolvedCounts.of(self.geometry, 1), quarters=2, axis_height_m=self.offset_m
-        )
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        counts = RevolvedCounts.of(self.geometry, refinement)
+        return sector(self.geometry, counts, quarters=2, axis_height_m=self.offset_m)
 
     @property
     def unmeshed_volume_m3(self) -> float:
@@ -176,27 +171,6 @@ class BellowHelical(MidSurfaceBellow):
         wall = super().mass(density_kg_m3, regions)
         thread = thread_mass(self.geometry, density_kg_m3, self.offset_m)
         return ModuleMass(wall.start.joined(thread.start), wall.end.joined(thread.end))
-
-
-def _check_constraint(config: BellowHelicalConfig, offset_m: float, geometry: BellowProfile) -> None:
-    """Raise `InvalidDesignError` unless the constraint lies within the trough."""
-    outer = geometry.inner_radius_m + geometry.wall_m / 2
-    if not 0 < offset_m < outer:
-        short = max(-offset_m, offset_m - outer)
-        raise InvalidDesignError(
-            f"bellow_helical needs 0 < constraint_offset < inner_radius + wall/2 (it lies within the trough), but "
-            f"constraint_offset = {mm(offset_m)} and inner_radius + wall/2 = {mm(outer)}, off by {mm(short)}."
-        )
-    width, chord = config.constraint_width_m, 2 * float(np.sqrt(outer**2 - offset_m**2))
-    if width is not None and not 0 < width <= chord * (1 + 1e-9):
-        raise InvalidDesignError(
-            f"bellow_helical needs 0 < constraint_width ≤ {mm(chord)} (the trough's outer circle at the constraint's "
-            f"height), but constraint_width = {mm(width)}, off by {mm(max(-width, width - chord))}."
-        )
-    if not config.constraint_stiffness_n > 0:
-        raise InvalidDesignError(
-            f"bellow_helical needs constraint_stiffness > 0, but it is {config.constraint_stiffness_n:g} N."
-        )
 
 
 def rod_chord(profile: BellowProfile, depth_m: float) -> float:

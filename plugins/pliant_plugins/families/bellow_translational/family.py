@@ -13,7 +13,7 @@ from pliant_plugins.families.bellow.revolved import RevolvedCounts, sector
 class BellowTranslationalConfig(MidSurfaceConfig):
     """A bellow whose wall is the mid-surface of radii r (trough) and 2R − r (crest) ± t/2.
 
-    Which values make a valid design is the family's own check (`BellowProfile.check_mid_surface`).
+    Which values make a valid design: `BellowProfile.mid_surface_needs`.
     """
 
     kind: Literal["bellow_translational"] = "bellow_translational"
@@ -33,21 +33,15 @@ class BellowTranslational(MidSurfaceBellow):
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, a quarter of its section: u is twice the piece's extension, the energy eight times its."""
-        return ModuleProblem(
-            mesh=sector(self.geometry, self._counts(refinement), quarters=1),
-            span_m=self.geometry.half_length_m,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
+        return self.piece(
+            sector(self.geometry, self._counts(refinement), quarters=1),
             energy_scale=8.0,
             fixed={"start": (0,), "end": (0,), "symmetry": (1,), "level": (2,)},
-            axes=("x",),
-            main_axis="x",
-            joint="prismatic",
         )
 
-    def _counts(self, refinement: int = 1) -> RevolvedCounts:
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return sector(self.geometry, self._counts(refinement), quarters=2)
+
+    def _counts(self, refinement: int) -> RevolvedCounts:
         """Finer than a bellow that bends: stretching it strains the whole circumference."""
         return RevolvedCounts.of(self.geometry, refinement, arc=3, quarter=4)
-
-    def _half_section(self) -> ModuleMesh:
-        return sector(self.geometry, self._counts(), quarters=2)

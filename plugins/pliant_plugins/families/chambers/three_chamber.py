@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
+from pliant.families import Need, check_design
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.mechanics.rotations import exp_map
 from pliant.meshing.grids import carved_cavities, grid_cells, grid_lines, module_sets
@@ -62,7 +62,7 @@ class ThreeChamber(ActuatorFamily):
 
     def __init__(self, config: ThreeChamberConfig) -> None:
         super().__init__(config)
-        _check(config)
+        check_design(config, _needs(config))
         if config.extends:
             self.joint, self.axes = "extensible", EXTENSIBLE_AXES  # type: ignore[misc]
 
@@ -157,19 +157,9 @@ def _ring(x: Array, r: Array, phi: Array) -> tuple[Array, IntArray]:
     return nodes, np.concatenate([ids, ids[:, :1]], axis=1)
 
 
-def _check(config: ThreeChamberConfig) -> None:
-    """Raise `InvalidDesignError` unless the chambers have room."""
-    lengths = (config.bore_m, config.wall_m, config.rib_m, config.module_length_m)
-    room = config.radius_m - config.bore_m - 2 * config.wall_m
-    if min(lengths) <= 0 or room <= 0:
-        raise InvalidDesignError(
-            "three_chamber needs bore, wall, rib and module_length above 0 and radius > bore + 2 wall (room for the "
-            f"chambers), but radius − bore − 2 wall = {1e3 * room:.4g} mm."
-        )
+def _needs(config: ThreeChamberConfig) -> Iterator[Need]:
+    """That the chambers have room."""
+    around = config.bore_m + 2 * config.wall_m
+    yield Need("radius > bore + 2 wall (room for the chambers)", config.radius_m, around)
     arc = np.pi / CHAMBERS * (config.radius_m + config.bore_m)
-    if config.rib_m >= arc:
-        raise InvalidDesignError(
-            f"three_chamber needs rib < π (radius + bore)/3 (ribs leave room between them), but rib = "
-            f"{1e3 * config.rib_m:.4g} mm and π (radius + bore)/3 = {1e3 * arc:.4g} mm, off by "
-            f"{1e3 * (config.rib_m - arc):.4g} mm."
-        )
+    yield Need("rib < π (radius + bore)/3 (ribs leave room between them)", config.rib_m, arc)

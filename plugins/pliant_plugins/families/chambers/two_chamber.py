@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.families import Need, QuarterModule
+from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.grids import block, carved_cavities, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
-from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.records.actuation import joined, names_of
-from pliant.records.design import ModuleMass
-from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.fem import ModuleMesh
 from pliant.units import Length
 
 # Elements through walls and web, across each chamber, and along half its width.
@@ -34,45 +31,27 @@ class TwoChamberConfig(FamilyConfig):
     module_length_m: Length = Field(description="l: length of one module")
 
 
-class TwoChamber(ActuatorFamily):
+class TwoChamber(QuarterModule):
     """One design of two opposed chambers with a pressure each; the first lies at +z and bends toward −z.
 
     The tube is wound: threads around it, which do not stretch, let it grow longer and bend and keep the outline of
     each section as it is (the limit of a close winding; Suzumori, Iikura and Tanaka, IEEE ICRA 1991, wind their
     actuators so). Sections are alike, so that a slice of one element along x is enough. The length follows the
     pressures, without a force along the chain, and is no coordinate of the joint: a chain of modules keeps its length.
+    The winding weighs nothing.
     """
 
     actuation: ClassVar[str] = joined(("pressure_1_pa", "pressure_2_pa"))
+    fixed: ClassVar = {"start": (0,), "end": (0,), "symmetry": (1,), "wound": (1, 2)}
     config: TwoChamberConfig
 
-    def __init__(self, config: TwoChamberConfig) -> None:
-        super().__init__(config)
-        _check(config)
+    def needs(self) -> Iterator[Need]:
+        c = self.config
+        yield Need("height > 2 wall + web (room for two chambers)", c.height_m, 2 * c.wall_m + c.web_m)
+        yield Need("width > 2 wall (room for the chambers)", c.width_m, 2 * c.wall_m)
 
-    @property
-    def module_length_m(self) -> float:
-        return self.config.module_length_m
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """The end half, half its width: the angle is half the joint's, the energy a quarter of the module's."""
-        return ModuleProblem(
-            mesh=build_mesh(self.config, refinement),
-            span_m=self.config.module_length_m / 2,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
-            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "wound": (1, 2)},
-            actuation=self.actuation,
-        )
-
-    @cached_property
-    def _half(self) -> ModuleMesh:
-        return build_mesh(self.config)
-
-    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves; the winding weighs nothing."""
-        return half_masses(self._half, density_kg_m3, regions=regions)
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return build_mesh(self.config, refinement)
 
 
 def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
@@ -98,19 +77,3 @@ def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
     outside = (np.abs(nodes[:, 1] - w) < near) | (np.abs(np.abs(nodes[:, 2]) - h) < near)
     sets["wound"] = np.flatnonzero(outside)
     return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
-
-
-def _check(config: TwoChamberConfig) -> None:
-    """Raise `InvalidDesignError` unless both chambers have room."""
-    room = config.height_m - 2 * config.wall_m - config.web_m
-    if min(config.wall_m, config.web_m, config.module_length_m) <= 0 or room <= 0:
-        raise InvalidDesignError(
-            f"two_chamber needs wall, web and module_length above 0 and height > 2 wall + web (room for two chambers), "
-            f"but height − 2 wall − web = {1e3 * room:.4g} mm."
-        )
-    if config.width_m <= 2 * config.wall_m:
-        short = 2 * config.wall_m - config.width_m
-        raise InvalidDesignError(
-            f"two_chamber needs width > 2 wall (room for the chambers), but width = {1e3 * config.width_m:.4g} mm and "
-            f"2 wall = {2e3 * config.wall_m:.4g} mm, off by {1e3 * short:.4g} mm."
-        )

@@ -9,32 +9,28 @@ the section, one slice along x, with the threads in its sleeve.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.families import Need, QuarterModule, geometry_of
+from pliant.interfaces.family import FamilyConfig
 from pliant.mechanics.rotations import exp_map
 from pliant.meshing.grids import grid_cells, grid_faces, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
-from pliant.meshing.masses import UNIFORM, half_masses
-from pliant.meshing.surfaces import half_skins
-from pliant.records.design import Array, ModuleMass
+from pliant.records.design import Array
 from pliant.records.fem import Fibres, IntArray, ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.records.shape import HalfShapes, Shape
 from pliant.units import Angle, Force, Length
 
-LARGEST_M = 1.0
 SHEET = "sheet"
 # Elements along the slice, around half the section in arcs of at most so much, through liner and sleeve.
 ALONG, ARC_RAD, LINER, SLEEVE = 1, 0.45, 2, 1
 ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
-MASS_REFINEMENT = 2  # quadratic faces then follow the circles to 1e-5 of the mass
 
 
 @dataclass(frozen=True)
@@ -54,46 +50,20 @@ class TubeGeometry:
         """Height of the tube's axis over the sheet."""
         return self.radius_m + self.wall_m - self.sleeve_m / 2
 
-    def check(self) -> None:
-        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the tube exists."""
-        for name, value, than, limit in self._inequalities():
-            if not value < limit * (1 - 1e-9):
-                raise InvalidDesignError(
-                    f"fibre_reinforced needs {name} < {than}, but {_mm(value)} against {_mm(limit)} misses it by "
-                    f"{_mm(value - limit)}."
-                )
-        for name, angle, low, high in (
-            ("sheet_angle", self.sheet_angle_rad, 0.0, np.pi),
-            ("thread_angle", self.thread_angle_rad, 0.0, np.pi / 2),
-        ):
-            # threads may run around the tube, a right angle
-            if not (low < angle < high or (name == "thread_angle" and angle == high)):
-                raise InvalidDesignError(
-                    f"fibre_reinforced needs {name} between 0 and {np.degrees(high):g} deg, but it is "
-                    f"{np.degrees(angle):.6g} deg, off by {np.degrees(max(low - angle, angle - high)):.6g} deg."
-                )
-
-    def _inequalities(self) -> Iterator[tuple[str, float, str, float]]:
-        """Name and value of what must be less, name of the limit and limit, in m."""
-        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self) if f.name.endswith("_m")}
-        for name, value in lengths.items():
-            if not value > 0:
-                raise InvalidDesignError(f"fibre_reinforced needs {name} > 0, but it is {_mm(value)}.")
-        yield from (
-            (name, value, "1 m (bare numbers are metres)", LARGEST_M) for name, value in lengths.items()
-        )
-        yield "sleeve (the outer part of the wall)", self.sleeve_m, "wall", self.wall_m
-
-
-def _mm(length_m: float) -> str:
-    return f"{1e3 * length_m:.6g} mm"
+    def needs(self) -> Iterator[Need]:
+        """What lengths above 0 keep besides; threads may run around the tube, a right angle."""
+        yield Need("sleeve < wall (it is the wall's outer part)", self.sleeve_m, self.wall_m)
+        yield Need("sheet_angle > 0°", self.sheet_angle_rad, 0.0, "rad")
+        yield Need("sheet_angle < 180°", self.sheet_angle_rad, np.pi, "rad")
+        yield Need("thread_angle > 0°", self.thread_angle_rad, 0.0, "rad")
+        yield Need("thread_angle ≤ 90°", self.thread_angle_rad, np.pi / 2, "rad")
 
 
 class FibreReinforcedConfig(FamilyConfig):
     """A tube of rubber, wound with threads at ±`thread_angle` from its axis, with a sheet along its bottom.
 
-    Which values make a valid design is the family's own check (`TubeGeometry.check`). The sheet's material is the
-    study's `material.regions.sheet`.
+    Which values make a valid design: `TubeGeometry.needs`. The sheet's material is the study's
+    `material.regions.sheet`.
     """
 
     kind: Literal["fibre_reinforced"] = "fibre_reinforced"
@@ -113,46 +83,34 @@ class FibreReinforcedConfig(FamilyConfig):
     )
 
 
-class FibreReinforced(ActuatorFamily):
+class FibreReinforced(QuarterModule):
     """One design of the bending tube (Galloway et al., ICAR 2013; Polygerinos et al., IEEE T-RO 31 (2015) 778–789).
 
     Threads around the tube keep it from growing fat, the sheet keeps one side from growing long, so that pressure
     bends it toward the sheet. The tube is uniform along x: one slice of cells is exact for any module's length. Threads
-    are spread evenly over the sleeve, both windings, and resist being shortened as much as being stretched.
+    are spread evenly over the sleeve, both windings, and resist being shortened as much as being stretched; they are as
+    heavy as what they lie in.
     """
 
     config: FibreReinforcedConfig
     regions = (SHEET,)
-
-    def __init__(self, config: FibreReinforcedConfig) -> None:
-        super().__init__(config)
-        self.geometry = TubeGeometry(**{f.name: getattr(config, f.name) for f in fields(TubeGeometry)})
-        self.geometry.check()
-
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half a module, half its section: the angle is half the joint's, the energy a quarter of the module's."""
-        mesh = build_mesh(self.geometry, refinement)
-        return ModuleProblem(
-            mesh=mesh,
-            span_m=self.geometry.module_length_m / 2,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
-            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
-            fibres=winding(self.geometry, mesh, self.config.thread_stiffness_n),
-        )
+    mass_refinement = 2  # quadratic faces then follow the circles to 1e-5 of the mass
 
     @cached_property
-    def _half(self) -> ModuleMesh:
-        return build_mesh(self.geometry, MASS_REFINEMENT)
+    def geometry(self) -> TubeGeometry:
+        """The tube's lengths and angles."""
+        return geometry_of(self.config, TubeGeometry)
 
-    def surface(self) -> HalfSurfaces:
-        """The skin of the mesh, open at both ends as the modules are."""
-        return half_skins(self._half)
+    def needs(self) -> Iterator[Need]:
+        return self.geometry.needs()
+
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return build_mesh(self.geometry, refinement)
+
+    def piece(self, mesh: ModuleMesh, **other: Any) -> ModuleProblem:
+        return super().piece(
+            mesh, fibres=winding(self.geometry, mesh, self.config.thread_stiffness_n), **other
+        )
 
     def shapes(self) -> HalfShapes:
         """A cylinder for each half."""
@@ -163,10 +121,6 @@ class FibreReinforced(ActuatorFamily):
             return Shape("cylinder", size, np.array([middle_m, 0.0, g.axis_height_m]), ALONG_X)
 
         return HalfShapes(start=(half(-quarter),), end=(half(quarter),))
-
-    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves, threads as heavy as what they lie in; `sheet` has its own density."""
-        return half_masses(self._half, density_kg_m3, regions=regions)
 
 
 def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:

@@ -7,26 +7,24 @@ The mesh is of structured 27-node hexahedra of a quarter of the chamber: x ∈ [
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.families import Need, QuarterModule, geometry_of
+from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
-from pliant.meshing.masses import UNIFORM, half_masses
-from pliant.meshing.surfaces import box, half_skins
-from pliant.records.design import Array, ModuleMass
-from pliant.records.fem import ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.meshing.surfaces import box
+from pliant.records.design import Array
+from pliant.records.fem import ModuleMesh
+from pliant.records.shape import HalfShapes, Shape
 from pliant.units import Length
 
-LARGEST_M = 1.0
 LAYER = "layer"
 # Elements between neighbouring lines: chamber, wall, half a gap; channel, chamber, shell; layer … top.
 ALONG, ACROSS, UPWARD = (2, 1, 1), (1, 2, 1), (1, 1, 1, 1, 3, 1)
@@ -69,42 +67,22 @@ class ChamberGeometry:
         top = low + self.height_m
         return -low, low, floor, channel, channel + self.bridge_m, top - self.shell_m, top
 
-    def check(self) -> None:
-        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the chamber exists."""
-        for name, value, than, limit in self._inequalities():
-            if not value < limit * (1 - 1e-9):
-                raise InvalidDesignError(
-                    f"pneunet needs {name} < {than}, but {_mm(value)} against {_mm(limit)} misses it by "
-                    f"{_mm(value - limit)}."
-                )
-
-    def _inequalities(self) -> Iterator[tuple[str, float, str, float]]:
-        """Name and value of what must be less, name of the limit and limit, in m."""
-        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self)}
-        for name, value in lengths.items():
-            if not value > 0:
-                raise InvalidDesignError(f"pneunet needs {name} > 0, but it is {_mm(value)}.")
-        yield from (
-            (name, value, "1 m (bare numbers are metres)", LARGEST_M) for name, value in lengths.items()
-        )
-        along = "2 wall + gap (the chamber needs room)"
-        yield along, 2 * self.wall_m + self.gap_m, "module_length", self.module_length_m
-        across = "2 shell + channel_width (the channel is narrower than the chamber)"
-        yield across, 2 * self.shell_m + self.channel_width_m, "width", self.width_m
-        upward = "floor + channel_height + bridge + shell (the chamber is higher than the channel's bridge)"
+    def needs(self) -> Iterator[Need]:
+        """What lengths above 0 keep besides."""
+        along = "2 wall + gap < module_length (the chamber needs room)"
+        yield Need(along, 2 * self.wall_m + self.gap_m, self.module_length_m)
+        across = "2 shell + channel_width < width (the channel is narrower than the chamber)"
+        yield Need(across, 2 * self.shell_m + self.channel_width_m, self.width_m)
         stacked = self.floor_m + self.channel_height_m + self.bridge_m + self.shell_m
-        yield upward, stacked, "height", self.height_m
-
-
-def _mm(length_m: float) -> str:
-    return f"{1e3 * length_m:.6g} mm"
+        upward = "floor + channel_height + bridge + shell < height (the chamber is higher than the channel's bridge)"
+        yield Need(upward, stacked, self.height_m)
 
 
 class PneunetConfig(FamilyConfig):
     """A chamber with thin front walls, open to its neighbours by a channel, on a layer of another material.
 
-    Which values make a valid design is the family's own check (`ChamberGeometry.check`). The layer's material is the
-    study's `material.regions.layer`.
+    Which values make a valid design: `ChamberGeometry.needs`. The layer's material is the study's
+    `material.regions.layer`.
     """
 
     kind: Literal["pneunet"] = "pneunet"
@@ -123,7 +101,7 @@ class PneunetConfig(FamilyConfig):
     )
 
 
-class Pneunet(ActuatorFamily):
+class Pneunet(QuarterModule):
     """One design of the fast PneuNet (Mosadegh et al., Adv. Funct. Mater. 24 (2014) 2163–2170).
 
     A module runs from mid-gap to mid-gap with its joint at mid-chamber, on the layer's mid-plane. The row is taken as
@@ -133,33 +111,16 @@ class Pneunet(ActuatorFamily):
 
     regions = (LAYER,)
 
-    def __init__(self, config: PneunetConfig) -> None:
-        super().__init__(config)
-        self.geometry = ChamberGeometry(**{f.name: getattr(config, f.name) for f in fields(ChamberGeometry)})
-        self.geometry.check()
-
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's."""
-        return ModuleProblem(
-            mesh=build_mesh(self.geometry, refinement),
-            span_m=self.geometry.module_length_m / 2,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
-            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
-        )
-
     @cached_property
-    def _half(self) -> ModuleMesh:
-        return build_mesh(self.geometry)
+    def geometry(self) -> ChamberGeometry:
+        """The chamber's lengths."""
+        return geometry_of(self.config, ChamberGeometry)
 
-    def surface(self) -> HalfSurfaces:
-        """The skin of the mesh, open at both ends as the modules are."""
-        return half_skins(self._half)
+    def needs(self) -> Iterator[Need]:
+        return self.geometry.needs()
+
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return build_mesh(self.geometry, refinement)
 
     def shapes(self) -> HalfShapes:
         """For each half a slab, as high as the channel's bridge, and the chamber on it; the layer's side grips."""
@@ -174,10 +135,6 @@ class Pneunet(ActuatorFamily):
         return HalfShapes(
             start=start, end=(between(0.0, half, low, bridge), between(0.0, outer, bridge, top))
         )
-
-    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves, exact for the mesh's flat faces; `layer` has its own density."""
-        return half_masses(self._half, density_kg_m3, regions=regions)
 
 
 def build_mesh(geometry: ChamberGeometry, refinement: int = 1) -> ModuleMesh:

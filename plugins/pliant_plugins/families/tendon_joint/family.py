@@ -11,27 +11,25 @@ Link: three bands, exact for its flat faces; with its surface and its collision 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import InvalidDesignError
-from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.families import Need, QuarterModule, geometry_of
+from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.cells import SQUARE
 from pliant.meshing.grids import block, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
-from pliant.meshing.masses import UNIFORM, half_masses, meshed_mass, mirrored
-from pliant.meshing.surfaces import half_skins
+from pliant.meshing.masses import UNIFORM, meshed_mass, mirrored
 from pliant.meshing.surfaces import mirrored as mirrored_surface
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem, Stop, Tendon
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape, TriangleMesh
 from pliant.units import Angle, Density, Length
 
-LARGEST_MODULE_M = 1.0
 ELEMENTS = (4, 3, 2)  # along x, y, z
 CORNERS = [0, 2, 6, 8, 18, 20, 24, 26]  # local nodes of a 27-node cell
 # The cube's faces as triangles over those corners, counter-clockwise seen from outside.
@@ -118,54 +116,35 @@ class JointGeometry:
         guided = self.tendon_setback_m * np.sin(half) + self.tendon_offset_m * np.cos(half)
         return float(self.span_m * slope + guided)
 
-    def check(self) -> None:
-        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the joint exists."""
-        for name, value, sign, than, limit in self._inequalities():
-            if not {"<": value < limit, ">": value > limit, "≤": value <= limit * (1 + 1e-9)}[sign]:
-                raise InvalidDesignError(
-                    f"tendon_joint needs {name} {sign} {than}, but {_mm(value)} against {_mm(limit)} misses it by "
-                    f"{_mm(abs(value - limit))}."
-                )
-
-    def _inequalities(self) -> Iterator[tuple[str, float, str, str, float]]:
-        """Name, value, sign, name of the limit and limit, in m; each may hold only where those before it do."""
-        lengths = {f.name[:-2]: getattr(self, f.name) for f in fields(self) if f.name.endswith("_m")}
-        yield from ((name, value, ">", "0", 0.0) for name, value in lengths.items())
-        metre = "1 m (bare numbers are metres)"
-        yield from ((name, value, "<", metre, LARGEST_MODULE_M) for name, value in lengths.items())
+    def needs(self) -> Iterator[Need]:
+        """What lengths above 0 keep besides; each may be reckoned only where those before it hold."""
         contacts = {"closing_angle": self.closing_angle_rad, "opening_angle": self.opening_angle_rad}
         for name, angle in contacts.items():
-            if not 0 < angle < np.pi:
-                raise InvalidDesignError(
-                    f"tendon_joint needs 0 < {name} < pi, but {name} = {angle:.6g} rad, "
-                    f"off by {max(-angle, angle - np.pi):.6g} rad."
-                )
-        c, t, h = self.flexure_length_m, self.flexure_thickness_m, self.tendon_offset_m
-        yield "flexure_length (the links need room)", c, "<", "module_length", self.module_length_m
-        yield "flexure_thickness", t, "<", "link_height", self.link_height_m
-        yield "flexure_width", self.flexure_width_m, "≤", "link_width", self.link_width_m
-        inside, folds = max(contacts.values()) * t / 2, "flexure_length (or its inside folds)"
-        yield "flexure_thickness/2 · the larger contact angle", inside, "<", folds, c
+            yield Need(f"{name} > 0°", angle, 0.0, "rad")
+            yield Need(f"{name} < 180°", angle, np.pi, "rad")
+        c, t, h, half = (
+            self.flexure_length_m, self.flexure_thickness_m, self.tendon_offset_m, self.module_length_m / 2
+        )  # fmt: skip
+        yield Need("flexure_length < module_length (the links need room)", c, self.module_length_m)
+        yield Need("flexure_thickness < link_height", t, self.link_height_m)
+        yield Need("flexure_width ≤ link_width", self.flexure_width_m, self.link_width_m)
+        folds = "flexure_thickness/2 · the larger contact angle < flexure_length (or its inside folds)"
+        yield Need(folds, max(contacts.values()) * t / 2, c)
         for side, edge in (("closing", self.lower_edge_x_m), ("opening", self.upper_edge_x_m)):
             name = f"x of the link's edge that meets its image at the {side}_angle"
-            yield name, edge, ">", "0", 0.0
-            yield name, edge, "<", "module_length/2", self.module_length_m / 2
-        yield "flexure_thickness/2", t / 2, "<", "tendon_offset", h
-        yield "tendon_offset (the hole lies in the link)", h, "<", "link_height/2", self.link_height_m / 2
+            yield Need(f"{name} > 0", edge, 0.0)
+            yield Need(f"{name} < module_length/2", edge, half)
+        yield Need("flexure_thickness/2 < tendon_offset", t / 2, h)
+        yield Need("tendon_offset < link_height/2 (the hole lies in the link)", h, self.link_height_m / 2)
         hole = "flexure_length/2 + tendon_setback"
-        yield hole, self.hole_x_m, "≤", "module_length/2", self.module_length_m / 2
-        yield "the link's face at the tendon", self.face_x_m(h), "≤", hole, self.hole_x_m
-
-
-def _mm(length_m: float) -> str:
-    return f"{1e3 * length_m:.6g} mm"
+        yield Need(f"{hole} ≤ module_length/2", self.hole_x_m, half)
+        yield Need(f"the link's face at the tendon ≤ {hole}", self.face_x_m(h), self.hole_x_m)
 
 
 class TendonJointConfig(FamilyConfig):
     """A strip between two rigid links, and a tendon that crosses the gap below it between two holes.
 
-    Which values make a valid design is the family's own check (`JointGeometry.check`), so that its message can
-    name the inequality.
+    Which values make a valid design: `JointGeometry.needs`.
     """
 
     kind: Literal["tendon_joint"] = "tendon_joint"
@@ -184,7 +163,7 @@ class TendonJointConfig(FamilyConfig):
     opening_angle_rad: Angle = Field(description="joint angle the other way at which they touch above it")
 
 
-class TendonJoint(ActuatorFamily):
+class TendonJoint(QuarterModule):
     """One design of the tendon joint.
 
     A module runs from mid-link to mid-link with its joint at mid-flexure. Only the flexure deforms: the solved
@@ -194,16 +173,18 @@ class TendonJoint(ActuatorFamily):
     """
 
     actuation: ClassVar[str] = "tendon_force_n"
+    config: TendonJointConfig
 
-    def __init__(self, config: TendonJointConfig) -> None:
-        super().__init__(config)
-        self.geometry = JointGeometry(**{f.name: getattr(config, f.name) for f in fields(JointGeometry)})
-        self.geometry.check()
-        self.link_density_kg_m3 = config.link_density_kg_m3
+    @cached_property
+    def geometry(self) -> JointGeometry:
+        """The joint's lengths and angles."""
+        return geometry_of(self.config, JointGeometry)
 
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
+    def needs(self) -> Iterator[Need]:
+        return self.geometry.needs()
+
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        return build_mesh(self.geometry, refinement)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half the flexure, half its width: the angle is half the joint's, the energy a quarter of the module's.
@@ -214,23 +195,15 @@ class TendonJoint(ActuatorFamily):
         are marked.
         """
         geometry = self.geometry
-        return ModuleProblem(
-            mesh=build_mesh(geometry, refinement),
+        return self.piece(
+            self.mesh(refinement),
             span_m=geometry.span_m,
-            reference_z_m=0.0,
-            deformation_scale=2.0,
-            energy_scale=4.0,
             fixed={"start": (0,), "end": (0, 1, 2), "symmetry": (1,)},
-            actuation="tendon_force_n",
             tendon=Tendon(x_m=geometry.tendon_setback_m, z_m=-geometry.tendon_offset_m),
             contact_planes=(),
             contact_range=(-geometry.opening_angle_rad, geometry.closing_angle_rad),
             stops=geometry.stops,
         )
-
-    @cached_property
-    def _flexure(self) -> ModuleMesh:
-        return build_mesh(self.geometry)
 
     @cached_property
     def _link(self) -> ModuleMesh:
@@ -242,13 +215,13 @@ class TendonJoint(ActuatorFamily):
 
     def surface(self) -> HalfSurfaces:
         """The skins of flexure and rigid links; where they are bonded, faces lie on each other."""
-        flexure, link = half_skins(self._flexure), link_surface(self._link)
+        flexure, link = super().surface(), link_surface(self._link)
         return HalfSurfaces(flexure.start, flexure.end, mirrored_surface(link, 0), link)
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
         """Masses of the two halves: the flexure of the material's density, the links of their own."""
-        flexure = half_masses(self._flexure, density_kg_m3, regions=regions)
-        link = meshed_mass(self._link, self.link_density_kg_m3)
+        flexure = super().mass(density_kg_m3, regions)
+        link = meshed_mass(self._link, self.config.link_density_kg_m3)
         return ModuleMass(start=flexure.start.joined(mirrored(link, 0)), end=flexure.end.joined(link))
 
 

@@ -1,0 +1,160 @@
+"""What families are made with: the inequalities that a design keeps, and modules of which a quarter is solved."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
+
+from pliant.errors import InvalidDesignError
+from pliant.formatting import quantity
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.masses import UNIFORM, half_masses
+from pliant.meshing.surfaces import half_skins
+from pliant.records.design import ModuleMass
+from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.shape import HalfSurfaces
+from pliant.units import quantities_in, split_unit
+
+LARGEST_M = 1.0
+ROUNDING = 1e-6  # sides that differ by this share of the larger are equal
+OPPOSITE = {">": "≤", "≥": "<", "<": "≥", "≤": ">"}
+DIGITS = 6
+
+G = TypeVar("G")
+
+
+@dataclass(frozen=True)
+class Need:
+    """An inequality that a design keeps.
+
+    Attributes:
+        words: as a user reads it, with one of > ≥ < ≤: ``height > floor + wall (room for the chamber)``.
+        left: its left side, in SI.
+        right: its right side.
+        si: the SI unit of both.
+    """
+
+    words: str
+    left: float
+    right: float
+    si: str = "m"
+
+    @property
+    def sign(self) -> str:
+        """The first of > ≥ < ≤ in its words; `ValueError` where there is none."""
+        found = re.search("[><≥≤]", self.words)
+        if found is None:
+            raise ValueError(f"the need '{self.words}' has none of the signs > ≥ < ≤")
+        return found.group()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it holds; sides that are equal but for rounding keep ≥ and ≤ alone."""
+        room = self.left - self.right if self.sign in ">≥" else self.right - self.left
+        rounding = ROUNDING * max(abs(self.left), abs(self.right))
+        return room >= -rounding if self.sign in "≥≤" else room > rounding
+
+    def __str__(self) -> str:
+        left, right, off = (
+            quantity(side, self.si, DIGITS) for side in (self.left, self.right, abs(self.left - self.right))
+        )
+        how = "short" if self.sign in ">≥" else "over"
+        return f"{self.words}, but {left} {OPPOSITE[self.sign]} {right}, {how} by {off}"
+
+
+def check_design(config: FamilyConfig, needs: Iterable[Need] = ()) -> None:
+    """Raise `InvalidDesignError`, with the inequality and by how much it is broken, unless the design can be.
+
+    Every length of the config is above 0, or may be 0 where its field says `ge=0`, and no longer than a metre; then
+    come the family's own `needs`, each asked only where those before it are kept.
+    """
+    for need in itertools.chain(_needs_of_lengths(config), needs):
+        if not need.is_kept:
+            raise InvalidDesignError(f"{config.kind} needs {need}.")
+
+
+def _needs_of_lengths(config: FamilyConfig) -> Iterator[Need]:
+    lengths = {}
+    for field, info in type(config).model_fields.items():
+        value = getattr(config, field)
+        unit = next((found.unit for found in quantities_in(info.annotation, *info.metadata)), None)
+        if unit != "m" or value is None:
+            continue
+        name, _ = split_unit(field)
+        may_be_0 = any(getattr(bound, "ge", None) == 0 for bound in info.metadata)
+        yield Need(f"{name} {'≥' if may_be_0 else '>'} 0", value, 0.0)
+        lengths[name] = value
+    for name, value in lengths.items():
+        yield Need(f"{name} ≤ 1 m (bare numbers are metres: were units forgotten?)", value, LARGEST_M)
+
+
+def geometry_of(config: FamilyConfig, geometry: type[G]) -> G:
+    """A dataclass of a design's geometry, its fields those of the config with their names."""
+    return geometry(**{field.name: getattr(config, field.name) for field in fields(geometry)})  # type: ignore[arg-type]
+
+
+class QuarterModule(ActuatorFamily):
+    """A family whose modules are alike about x = 0 and about y = 0 and bend about y: a quarter of one is solved.
+
+    A subclass gives `mesh` and, where more must hold than lengths above 0, `needs`. Its config has `module_length_m`.
+    """
+
+    # What of v is zero on which node sets; `module_sets` makes these.
+    fixed: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,),
+    }  # fmt: skip
+    # Refinement of the mesh that is weighed and drawn: quadratic faces lie off circles by its fourth power.
+    mass_refinement: ClassVar[int] = 1
+
+    def __init__(self, config: FamilyConfig) -> None:
+        super().__init__(config)
+        check_design(config, self.needs())
+
+    def needs(self) -> Iterable[Need]:
+        """What a design keeps beyond the signs of its lengths."""
+        return ()
+
+    @property
+    def module_length_m(self) -> float:
+        return float(self.config.module_length_m)  # type: ignore[attr-defined]
+
+    @abstractmethod
+    def mesh(self, refinement: int = 1) -> ModuleMesh:
+        """The quarter: x ∈ [0, l/2], y ≥ 0; `refinement` multiplies the elements along each edge."""
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's."""
+        return self.piece(self.mesh(refinement))
+
+    def piece(self, mesh: ModuleMesh, **other: Any) -> ModuleProblem:
+        """The quarter's boundary-value problem on a mesh; `other` fields of `ModuleProblem` take these values."""
+        quarter: dict[str, Any] = {
+            "span_m": self.module_length_m / 2,
+            "reference_z_m": 0.0,
+            "deformation_scale": 2.0,
+            "energy_scale": 4.0,
+            "fixed": dict(self.fixed),
+            "axes": self.axes,
+            "main_axis": self.main_axis,
+            "joint": self.joint,
+            "actuation": self.actuation,
+        }
+        return ModuleProblem(mesh=mesh, **{**quarter, **other})
+
+    @cached_property
+    def solid(self) -> ModuleMesh:
+        """The mesh that is weighed and drawn."""
+        return self.mesh(self.mass_refinement)
+
+    def surface(self) -> HalfSurfaces:
+        """The skin of the mesh, open at both ends as the modules are."""
+        return half_skins(self.solid)
+
+    def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
+        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
+        return half_masses(self.solid, density_kg_m3, regions=regions)
