@@ -10,14 +10,18 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+
 from pliant.errors import InvalidDesignError
 from pliant.formatting import quantity
+from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.mechanics.rotations import exp_map
 from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.meshing.surfaces import half_skins
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfSurfaces
+from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.units import quantities_in, split_unit
 
 LARGEST_M = 1.0
@@ -78,24 +82,38 @@ def check_design(config: FamilyConfig, needs: Iterable[Need] = ()) -> None:
             raise InvalidDesignError(f"{config.kind} needs {need}.")
 
 
-def _needs_of_lengths(config: FamilyConfig) -> Iterator[Need]:
-    lengths = {}
+def lengths_of(config: ComponentConfig) -> dict[str, tuple[float, bool]]:
+    """Lengths of a design by their fields, and whether each may be 0 (`ge=0`); those left out are none."""
+    found = {}
     for field, info in type(config).model_fields.items():
         value = getattr(config, field)
-        unit = next((found.unit for found in quantities_in(info.annotation, *info.metadata)), None)
-        if unit != "m" or value is None:
-            continue
-        name, _ = split_unit(field)
-        may_be_0 = any(getattr(bound, "ge", None) == 0 for bound in info.metadata)
+        unit = next((each.unit for each in quantities_in(info.annotation, *info.metadata)), None)
+        if unit == "m" and isinstance(value, float):
+            found[field] = value, any(getattr(bound, "ge", None) == 0 for bound in info.metadata)
+    return found
+
+
+def _needs_of_lengths(config: FamilyConfig) -> Iterator[Need]:
+    lengths = {split_unit(field)[0]: found for field, found in lengths_of(config).items()}
+    for name, (value, may_be_0) in lengths.items():
         yield Need(f"{name} {'≥' if may_be_0 else '>'} 0", value, 0.0)
-        lengths[name] = value
-    for name, value in lengths.items():
+    for name, (value, _) in lengths.items():
         yield Need(f"{name} ≤ 1 m (bare numbers are metres: were units forgotten?)", value, LARGEST_M)
 
 
 def geometry_of(config: FamilyConfig, geometry: type[G]) -> G:
     """A dataclass of a design's geometry, its fields those of the config with their names."""
     return geometry(**{field.name: getattr(config, field.name) for field in fields(geometry)})  # type: ignore[arg-type]
+
+
+def half_cylinders(module_length_m: float, radius_m: float, height_m: float = 0.0) -> HalfShapes:
+    """A cylinder along x for each half of a module, its axis at a height above the joint."""
+    quarter, along_x = module_length_m / 4, exp_map(np.array([0.0, np.pi / 2, 0.0]))
+    start, end = (
+        (Shape("cylinder", (radius_m, quarter), np.array([x, 0.0, height_m]), along_x),)
+        for x in (-quarter, quarter)
+    )
+    return HalfShapes(start=start, end=end)
 
 
 class QuarterModule(ActuatorFamily):

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError, UserError
+from pliant.families import lengths_of
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.cells import cell_volumes
 from pliant.meshing.soundness import (
@@ -289,11 +290,8 @@ def impossible_designs_are_refused(subject: Subject) -> None:
             return
         raise InvalidDesignError("0: the config refuses it")
 
-    for name in _lengths(subject):
-        zero_is_one = any(
-            getattr(each, "ge", None) == 0 for each in subject.model.model_fields[name].metadata
-        )
-        for value in (-1e-3,) if zero_is_one else (-1e-3, 0.0):
+    for name, may_be_0 in _lengths(subject).items():
+        for value in (-1e-3,) if may_be_0 else (-1e-3, 0.0):
             accepted = f"the design with {name} = {value:g} m was accepted"
             require_refused(partial(made, {name: value}), accepted, r"\d", "number", InvalidDesignError)
 
@@ -318,14 +316,6 @@ def is_deterministic(subject: Subject) -> None:
     require(same, "two meshes of one design differ: a random number or a set's order")
 
 
-def _lengths(subject: Subject) -> list[str]:
-    """Names of the design's positive lengths."""
-    names = []
-    for name, field in subject.model.model_fields.items():
-        quantity, value = (
-            next(quantities_in(field.annotation, *field.metadata), None),
-            getattr(subject.config, name),
-        )
-        if quantity is not None and quantity.unit == "m" and isinstance(value, float) and value > 0:
-            names.append(name)
-    return names
+def _lengths(subject: Subject) -> dict[str, bool]:
+    """The design's lengths above 0 by their fields, and whether each may be 0."""
+    return {name: may_be_0 for name, (value, may_be_0) in lengths_of(subject.config).items() if value > 0}

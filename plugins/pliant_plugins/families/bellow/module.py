@@ -1,31 +1,17 @@
-"""What bellows share whose wall is the profile as mid-surface ± t/2; what of a bellow collides."""
+"""What bellows share whose wall is the profile as mid-surface ± t/2."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
 
-import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of
+from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
 from pliant.interfaces.family import FamilyConfig
-from pliant.mechanics.rotations import exp_map
-from pliant.records.shape import HalfShapes, Shape
+from pliant.records.shape import HalfShapes
 from pliant.units import Length
 from pliant_plugins.families.bellow.profile import BellowProfile
-
-ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
-
-
-def tube(profile: BellowProfile, start_m: float, outside_m: float, axis_height_m: float) -> Shape:
-    """Cylinder from x = `start_m` over half a module, around crests whose outer side is `outside_m` off the profile.
-
-    It fills the troughs, into which nothing reaches that is larger than a module.
-    """
-    quarter = profile.half_length_m / 2
-    size = (profile.crest_radius_m + outside_m, quarter)
-    return Shape("cylinder", size, np.array([start_m + quarter, 0.0, axis_height_m]), ALONG_X)
 
 
 class MidSurfaceConfig(FamilyConfig):
@@ -49,7 +35,6 @@ class MidSurfaceBellow(QuarterModule):
         return self.geometry.mid_surface_needs()
 
     def shapes(self) -> HalfShapes:
-        """Cylinders around the crests of the two halves."""
-        half, outside, height = self.geometry.half_length_m, self.geometry.wall_m / 2, self.offset_m
-        start, end = (tube(self.geometry, x, outside, height) for x in (-half, 0.0))
-        return HalfShapes(start=(start,), end=(end,))
+        """Cylinders around the crests of the halves; into troughs nothing reaches that is larger than a module."""
+        radius = self.geometry.crest_radius_m + self.geometry.wall_m / 2
+        return half_cylinders(self.module_length_m, radius, self.offset_m)

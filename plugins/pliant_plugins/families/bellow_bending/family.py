@@ -9,13 +9,12 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of
+from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
 from pliant.interfaces.family import FamilyConfig
 from pliant.records.fem import ModuleMesh
 from pliant.records.shape import HalfShapes, Shape
 from pliant.records.structure import StructureProblem
 from pliant.units import Length
-from pliant_plugins.families.bellow.module import tube
 from pliant_plugins.families.bellow_bending.mesh import BellowGeometry, build_mesh, build_structure
 
 
@@ -61,13 +60,10 @@ class BellowBending(QuarterModule):
 
         Pressure turns the tip toward −z: the plate's face z = −t is the side that grips.
         """
-        geometry, quarter = self.geometry, self.geometry.half_length_m / 2
-        plate = (quarter, geometry.average_radius_m, geometry.wall_m)
-
-        def half(start_m: float) -> tuple[Shape, Shape]:
-            return (
-                Shape("box", plate, np.array([start_m + quarter, 0.0, 0.0]), np.eye(3)),
-                tube(geometry, start_m, geometry.wall_m, geometry.axis_height_m),
-            )
-
-        return HalfShapes(start=half(-geometry.half_length_m), end=half(0.0))
+        geometry, quarter = self.geometry, self.module_length_m / 4
+        crests = half_cylinders(
+            self.module_length_m, geometry.crest_radius_m + geometry.wall_m, geometry.axis_height_m
+        )
+        size = (quarter, geometry.average_radius_m, geometry.wall_m)
+        start, end = (Shape("box", size, np.array([x, 0.0, 0.0]), np.eye(3)) for x in (-quarter, quarter))
+        return HalfShapes(start=(start, *crests.start), end=(end, *crests.end))

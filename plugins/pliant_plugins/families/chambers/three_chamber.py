@@ -9,9 +9,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, check_design
+from pliant.families import Need, check_design, half_cylinders
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.mechanics.rotations import exp_map
 from pliant.meshing.grids import carved_cavities, grid_cells, grid_lines, module_sets
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.meshing.masses import UNIFORM, half_masses
@@ -20,14 +19,13 @@ from pliant.records.actuation import joined, names_of
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
 from pliant.records.law import EXTENSIBLE_AXES, JointKind
-from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant.units import Length
 
 ALL = ("x", "y", "z")
 CHAMBERS = 3
 # Elements through each wall, across a chamber, around it, and through half a rib.
 THROUGH, ACROSS, AROUND, RIB = 1, 2, 4, 1
-ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
 
 
 class ThreeChamberConfig(FamilyConfig):
@@ -94,12 +92,7 @@ class ThreeChamber(ActuatorFamily):
 
     def shapes(self) -> HalfShapes:
         """A cylinder for each half."""
-        quarter = self.config.module_length_m / 4
-
-        def half(x: float) -> tuple[Shape, ...]:
-            return (Shape("cylinder", (self.config.radius_m, quarter), np.array([x, 0.0, 0.0]), ALONG_X),)
-
-        return HalfShapes(half(-quarter), half(quarter))
+        return half_cylinders(self.config.module_length_m, self.config.radius_m)
 
     def surface(self) -> HalfSurfaces:
         """The skin of the two halves."""

@@ -17,20 +17,18 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of
+from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
 from pliant.interfaces.family import FamilyConfig
-from pliant.mechanics.rotations import exp_map
 from pliant.meshing.grids import grid_cells, grid_faces, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
 from pliant.records.design import Array
 from pliant.records.fem import Fibres, IntArray, ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfShapes, Shape
+from pliant.records.shape import HalfShapes
 from pliant.units import Angle, Force, Length
 
 SHEET = "sheet"
 # Elements along the slice, around half the section in arcs of at most so much, through liner and sleeve.
 ALONG, ARC_RAD, LINER, SLEEVE = 1, 0.45, 2, 1
-ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -114,13 +112,8 @@ class FibreReinforced(QuarterModule):
 
     def shapes(self) -> HalfShapes:
         """A cylinder for each half."""
-        g, quarter = self.geometry, self.geometry.module_length_m / 4
-
-        def half(middle_m: float) -> Shape:
-            size = (g.radius_m + g.wall_m, quarter)
-            return Shape("cylinder", size, np.array([middle_m, 0.0, g.axis_height_m]), ALONG_X)
-
-        return HalfShapes(start=(half(-quarter),), end=(half(quarter),))
+        g = self.geometry
+        return half_cylinders(g.module_length_m, g.radius_m + g.wall_m, g.axis_height_m)
 
 
 def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:
