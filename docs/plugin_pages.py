@@ -109,7 +109,7 @@ def _basics(markdown: Callable[[str], str]) -> str:
     endings = ", ".join(f"`{suffix}` ({unit})" for suffix, unit in units.UNIT_SUFFIXES.items())
     lines += ["", f"All endings: {endings}.", "", "## Component", ""]
     lines += [
-        "A manifest's entry, `pliant.registry.component.Component`; one tuple `COMPONENTS` per package.",
+        "A manifest's entry, `pliant.registry.component.Component`; the hook `pliant_components` returns a list.",
         "",
     ]
     lines += [markdown(inspect.getdoc(Component) or ""), "", *_fields(Component), ""]

@@ -28,6 +28,8 @@ LARGEST_M = 1.0
 ROUNDING = 1e-6  # sides that differ by this share of the larger are equal
 OPPOSITE = {">": "≤", "≥": "<", "<": "≥", "≤": ">"}
 DIGITS = 6
+FAR_APART = 50  # times: lengths of one module are not so different
+UNITS = "; bare numbers are metres: were units forgotten?"
 
 G = TypeVar("G")
 
@@ -67,8 +69,13 @@ class Need:
         left, right, off = (
             quantity(side, self.si, DIGITS) for side in (self.left, self.right, abs(self.left - self.right))
         )
+        if not self.right:
+            return f"{self.words}, but it is {left}"
         how = "short" if self.sign in ">≥" else "over"
-        return f"{self.words}, but {left} {OPPOSITE[self.sign]} {right}, {how} by {off}"
+        by = f", {how} by {off}" if self.left != self.right else ""
+        least, most = sorted((abs(self.left), abs(self.right)))
+        units = UNITS if self.si == "m" and (most >= LARGEST_M or most > FAR_APART * least) else ""
+        return f"{self.words}, but {left} {OPPOSITE[self.sign]} {right}{by}{units}"
 
 
 def check_design(config: FamilyConfig, needs: Iterable[Need] = ()) -> None:
@@ -98,7 +105,7 @@ def _needs_of_lengths(config: FamilyConfig) -> Iterator[Need]:
     for name, (value, may_be_0) in lengths.items():
         yield Need(f"{name} {'≥' if may_be_0 else '>'} 0", value, 0.0)
     for name, (value, _) in lengths.items():
-        yield Need(f"{name} ≤ 1 m (bare numbers are metres: were units forgotten?)", value, LARGEST_M)
+        yield Need(f"{name} ≤ 1 m", value, LARGEST_M)
 
 
 def geometry_of(config: FamilyConfig, geometry: type[G]) -> G:
@@ -120,6 +127,14 @@ class QuarterModule(ActuatorFamily):
     """A family whose modules are alike about x = 0 and about y = 0 and bend about y: a quarter of one is solved.
 
     A subclass gives `mesh` and, where more must hold than lengths above 0, `needs`. Its config has `module_length_m`.
+    It may override: `fixed`, what the node sets hold; `piece`, to say other fields of `ModuleProblem`, as
+    `return super().piece(mesh, reference_z_m=2e-3)`; class attributes of `ActuatorFamily`, such as `actuation` and
+    `regions`; `shapes` and `surface`.
+
+    Of the displacement v in the sections' frame, x is zero at both ends (`start`, `end`): sections there stay plane
+    and turn, as in the middle of a long chain. y is zero on the mirror plane (`symmetry`). `pin`, one node, holds z:
+    the module then has no rigid motion left, and nothing is stressed by it. The line at `reference_z_m` = 0, whose
+    strain is found with the rest, is the joint's.
     """
 
     # What of v is zero on which node sets; `module_sets` makes these.

@@ -53,7 +53,7 @@ def test_designs_of_the_study_are_valid() -> None:
             {"constraint_offset": "3.8 mm"},
             ("constraint_offset < inner_radius", "over by 0.05 mm"),
         ),
-        ((3, 5, 1.5, 5), {"constraint_offset": "-1 mm"}, ("constraint_offset > 0", "short by 1 mm")),
+        ((3, 5, 1.5, 5), {"constraint_offset": "-1 mm"}, ("constraint_offset > 0, but it is −1 mm",)),
         ((3, 5, 1.5, 5), {"constraint_width": "9 mm"}, ("constraint_width ≤", "over by")),
         ((3, 5, 1.5, 5), {"constraint_stiffness": "0 N"}, ("constraint_stiffness > 0",)),
         ((3, 5, 0, 5), {}, ("wall > 0",)),

@@ -147,7 +147,7 @@ def _inertia(x: np.ndarray) -> np.ndarray:
         ((2, 4, 1.5, 11), ("average_radius − inner_radius ≥ module_length/4", "2 mm", "2.75 mm", "0.75 mm")),
         ((2, 6, 2, 8), ("module_length/4 > wall", "2 mm")),
         ((2, 6, 2.5, 8), ("module_length/4 > wall", "2 mm", "2.5 mm", "0.5 mm")),
-        ((2, 6, -1.5, 11), ("wall > 0", "−1.5 mm", "short by 1.5 mm")),
+        ((2, 6, -1.5, 11), ("wall > 0, but it is −1.5 mm",)),
         ((2, 6, 0, 11), ("wall > 0",)),
         ((2000, 6000, 1500, 11000), ("1000 mm", "units")),
     ],

@@ -11,6 +11,7 @@ import tempfile
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
+from itertools import groupby
 from pathlib import Path
 from string import Template
 from typing import Annotated
@@ -100,10 +101,13 @@ def check(
         )
     outcomes = run_checks(here.registry.get(interface, kind), here.progress)
     marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
-    for outcome in outcomes:
-        here.say(f"{marks[outcome.status]}  {outcome.name}", markup=True)
-        if outcome.message:
-            here.say(f"           {outcome.message}")
+    for (status, message), alike in groupby(outcomes, key=lambda o: (o.status, o.message)):
+        names = [outcome.name for outcome in alike]
+        many = status == "skipped" and len(names) > 1  # by one cause, whose line shall stay in sight
+        for name in [f"{len(names)} checks"] if many else names:
+            here.say(f"{marks[status]}  {name}", markup=True)
+        if message:
+            here.say(f"           {message}")
     counts = {state: sum(o.status == state for o in outcomes) for state in marks}
     here.say(", ".join(f"{count} {state}" for state, count in counts.items()))
     here.result.update(

@@ -18,9 +18,17 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 
-def grid_lines(ends: Sequence[float] | Array, elements: int) -> Array:
-    """Coordinates of grid lines with `elements` elements between neighbouring ends, which are kept exactly."""
-    pieces = [np.linspace(a, b, 2 * elements + 1)[:-1] for a, b in pairwise(ends)]
+def grid_lines(ends: Sequence[float] | Array, elements: int | Sequence[int]) -> Array:
+    """Coordinates of grid lines, two intervals an element, between neighbouring ends, which are kept exactly.
+
+    Args:
+        ends: (n + 1,) coordinates.
+        elements: between all neighbours, or (n,) between each two.
+    """
+    counts = [elements] * (len(ends) - 1) if isinstance(elements, int) else elements
+    pieces = [
+        np.linspace(a, b, 2 * count + 1)[:-1] for (a, b), count in zip(pairwise(ends), counts, strict=True)
+    ]
     return np.append(np.concatenate(pieces), ends[-1])
 
 

@@ -1,7 +1,8 @@
 """27-node hexahedra: node order, faces, shape functions, Gauss rules, volumes, boundary, divergence theorem.
 
 Local node i + 3j + 9k stands at (ξ, η, ζ) = (i, j, k)/2 of the unit cube; x(ξ) = Σ N_a(ξ) x_a is quadratic in each
-coordinate. Local node a + 3b of a face stands at (a, b)/2 of the unit square; its normal is ∂x/∂a × ∂x/∂b.
+coordinate. Local node a + 3b of a face stands at (a, b)/2 of the unit square; its normal is ∂x/∂a × ∂x/∂b. `CENTRE` is
+the local node in the middle of a cell, `FACE_CENTRE` that of a face.
 """
 
 from __future__ import annotations

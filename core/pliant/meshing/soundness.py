@@ -301,4 +301,4 @@ def links_found(problem: ModuleProblem) -> Iterator[str]:
 
 
 def _place(point: Array) -> str:
-    return "({:.4g}, {:.4g}, {:.4g})".format(*point)
+    return "({:.4g}, {:.4g}, {:.4g})".format(*(np.round(point, 12) + 0.0))  # no −0, no rounding as a place

@@ -49,7 +49,8 @@ class Component:
         config: "module:Class" of its config model; the module must be cheap to import.
         implementation: "module:Class", imported only when the component is built.
         summary: one line for `pliant plugins` and the reference pages.
-        example: what `smallest_block` needs beside the examples of the config's own fields.
+        example: values of keys, as a study writes them, for the reference pages and the conformance suite: those that
+            the config requires, where a field's type has no example of its own.
         requires: modules that the implementation imports and that may be missing; the versions of their
             distributions are part of the keys of what it makes.
         lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions

@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from pliant.errors import InvalidDesignError
 from pliant.interfaces.effect import Effect
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FEMBackend
@@ -24,7 +25,7 @@ from pliant.interfaces.viewer import Viewer
 from pliant.registry.component import CONFIG_BASES
 from pliant.registry.discovery import discover
 from pliant.registry.files import FILE_MODULE
-from pliant.testing import Subject, require, require_refused
+from pliant.testing import Finding, Subject, require, require_refused
 from pliant.units import UNIT_SUFFIXES, quantities_in
 
 # Interface → the classes of which a component's implementation subclasses one.
@@ -169,7 +170,11 @@ def _import_of(module: str) -> str:
 
 def implementation_fills_the_interface(subject: Subject) -> None:
     """the implementation is a concrete subclass of its interface, built by `Class(config)`."""
-    bases, built = IMPLEMENTATIONS[subject.component.interface], subject.build()
+    bases = IMPLEMENTATIONS[subject.component.interface]
+    try:
+        built = subject.build()
+    except InvalidDesignError as error:
+        raise Finding(f"the design that its manifest states as the example is refused: {error}") from error
     name = type(built).__name__
     names = " or ".join(base.__name__ for base in bases)
     require(isinstance(built, bases), f"{name} does not subclass {names}")

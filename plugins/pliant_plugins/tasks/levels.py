@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import effort_unit
+from pliant.formatting import deformation_unit, effort_unit
+from pliant.formatting import number as written
 from pliant.interfaces.physics import Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel, Ring
@@ -154,7 +155,14 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
             excess = law.domain.excess(law.unactuated(1), turned)[0, several:]
             far = np.abs(excess) / np.ptp(box, axis=1)
             if far.max() > FAR_WIDTHS:
-                return f"is held by no data: joint {number} stands {100 * far.max():.0f} % of its law's range outside"
+                k = int(far.argmax())
+                unit = deformation_unit(law, law.axes[k])
+                low, high = (written(side * unit.factor, 3) for side in box[k])
+                return (
+                    f"is held by no data: joint {number} stands {100 * far[k]:.0f} % of its law's range outside that "
+                    f"range, {unit.attached(f'{low} to {high}')} about {law.axes[k]} (FEM of more actuation, a shorter "
+                    "or a lighter chain may stay inside)"
+                )
         if law.joint != "prismatic" and np.linalg.norm(q) > FAR_TURN_RAD:
             return f"folds: joint {number} is turned by {np.degrees(np.linalg.norm(q)):.0f}°"
     return ""

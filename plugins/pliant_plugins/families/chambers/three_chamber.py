@@ -106,20 +106,17 @@ class ThreeChamber(ActuatorFamily):
 def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -> ModuleMesh:
     """x ∈ [0, span]; node sets `wound`, the outside, and `pin`, one of its nodes at the start."""
     inner, outer = config.bore_m + config.wall_m, config.radius_m - config.wall_m
-    lines = [(config.bore_m, inner, THROUGH), (inner, outer, ACROSS), (outer, config.radius_m, THROUGH)]
-    r = _lines([(a, b, refinement * n) for a, b, n in lines])
+    through, across, along_arc, rib = (refinement * n for n in (THROUGH, ACROSS, AROUND, RIB))
+    r = grid_lines((config.bore_m, inner, outer, config.radius_m), (through, across, through))
     half_rib = config.rib_m / (inner + outer)
     sector = 2 * np.pi / CHAMBERS
-    angles = []
-    for k in range(CHAMBERS):
-        centre = k * sector
-        side = sector / 2 - half_rib
-        angles += [
-            (centre - sector / 2, centre - side, refinement * RIB),
-            (centre - side, centre + side, refinement * AROUND),
-            (centre + side, centre + sector / 2, refinement * RIB),
-        ]
-    nodes, ids = _ring(grid_lines((0.0, span_m), refinement), r, _lines(angles))
+    side = sector / 2 - half_rib
+    sides = [k * sector + sign * side for k in range(CHAMBERS) for sign in (-1.0, 1.0)]
+    between = [(k + 0.5) * sector for k in range(-1, CHAMBERS)]
+    turn = np.sort([*sides, *between])
+    nodes, ids = _ring(
+        grid_lines((0.0, span_m), refinement), r, grid_lines(turn, (rib, along_arc, rib) * CHAMBERS)
+    )
     cells = grid_cells(ids[:, ::-1])  # x, φ, r are left-handed
     middle = nodes[cells[:, 13]]
     radius = np.hypot(middle[:, 1], middle[:, 2])
@@ -134,12 +131,6 @@ def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -
     sets = module_sets(nodes, span_m, (0.0, 0.0, config.radius_m))
     sets["wound"] = np.flatnonzero(np.hypot(nodes[:, 1], nodes[:, 2]) > config.radius_m * (1 - 1e-9))
     return ModuleMesh(nodes, cells, np.concatenate([*cavities.values()]), skin, sets, cavities=cavities)
-
-
-def _lines(pieces: list[tuple[float, float, int]]) -> Array:
-    """Grid lines of pieces (from, to, elements) that follow each other."""
-    found = [grid_lines((a, b), n) for a, b, n in pieces]
-    return np.concatenate([found[0], *(line[1:] for line in found[1:])])
 
 
 def _ring(x: Array, r: Array, phi: Array) -> tuple[Array, IntArray]:

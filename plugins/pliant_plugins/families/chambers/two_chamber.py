@@ -58,8 +58,8 @@ def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
     """x ∈ [0, l/2], y ≥ 0; node set `wound` is the outside of the tube."""
     through, across, aside = (refinement * n for n in (THROUGH, ACROSS, ASIDE))
     w, h, t, web = config.width_m / 2, config.height_m / 2, config.wall_m, config.web_m / 2
-    y = np.concatenate([grid_lines((0.0, w - t), aside), grid_lines((w - t, w), through)[1:]])
-    upper = np.concatenate([grid_lines((web, h - t), across), grid_lines((h - t, h), through)[1:]])
+    y = grid_lines((0.0, w - t, w), (aside, through))
+    upper = grid_lines((web, h - t, h), (across, through))
     z = np.concatenate([-upper[::-1], grid_lines((-web, web), through)[1:-1], upper])
     span = config.module_length_m / 2
     nodes, ids = numbered(block(grid_lines((0.0, span), refinement), y, z))

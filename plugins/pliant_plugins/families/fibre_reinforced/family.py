@@ -119,13 +119,11 @@ class FibreReinforced(QuarterModule):
 def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:
     """The slice x ∈ [0, l/2], y ≥ 0, with the sheet as a region; `pin` is a corner of the sleeve at the bottom."""
     g = geometry
-    ends, arcs = (0.0, g.sheet_angle_rad, np.pi), []
-    for low, high in itertools.pairwise(ends):
-        arcs.append(grid_lines((low, high), refinement * int(np.ceil((high - low) / ARC_RAD))))
-    phi = np.concatenate([arcs[0], arcs[1][1:]])
+    ends = (0.0, g.sheet_angle_rad, np.pi)
+    arcs = [refinement * int(np.ceil((high - low) / ARC_RAD)) for low, high in itertools.pairwise(ends)]
+    phi = grid_lines(ends, arcs)
     outer = g.radius_m + g.wall_m
-    liner = grid_lines((g.radius_m, outer - g.sleeve_m), refinement * LINER)
-    radius = np.concatenate([liner, grid_lines((outer - g.sleeve_m, outer), refinement * SLEEVE)[1:]])
+    radius = grid_lines((g.radius_m, outer - g.sleeve_m, outer), (refinement * LINER, refinement * SLEEVE))
     x = grid_lines((0.0, g.module_length_m / 2), refinement * ALONG)
 
     X, angle, rho = np.meshgrid(x, phi, radius, indexing="ij")

@@ -141,7 +141,7 @@ def build_mesh(geometry: ChamberGeometry, refinement: int = 1) -> ModuleMesh:
     """The quarter with its layer as a region; `pin` is the corner above the layer at x = y = 0."""
     ends = (geometry.x_lines, geometry.y_lines, geometry.z_lines)
     counted = zip(ends, (ALONG, ACROSS, UPWARD), strict=True)
-    return mesh_on(geometry, [_lines(lines, counts, refinement) for lines, counts in counted])
+    return mesh_on(geometry, [grid_lines(e, [refinement * n for n in counts]) for e, counts in counted])
 
 
 def mesh_on(geometry: ChamberGeometry, lines_m: Sequence[Array]) -> ModuleMesh:
@@ -162,8 +162,3 @@ def mesh_on(geometry: ChamberGeometry, lines_m: Sequence[Array]) -> ModuleMesh:
     sets = module_sets(nodes, geometry.module_length_m / 2, (0.0, 0.0, geometry.layer_m / 2))
     regions = {LAYER: np.flatnonzero(nodes[cells[:, CENTRE], 2] < z[1])}
     return ModuleMesh(nodes, cells, cavity, skin, sets, regions)
-
-
-def _lines(ends: Sequence[float], counts: Sequence[int], refinement: int) -> Array:
-    pieces = [grid_lines(ends[i : i + 2], refinement * count) for i, count in enumerate(counts)]
-    return np.concatenate([*(piece[:-1] for piece in pieces), pieces[-1][-1:]])
