@@ -40,6 +40,42 @@ class EnergySolution:
     doubts: Array
 
 
+def least_squares(
+    matrix: Array, right: Array, place: NDArray[np.int64], told: int
+) -> tuple[Array, Array, Array] | None:
+    """Coefficients of an energy (t,), and what the first `told` rows miss with their place left out, in closed form.
+
+    Args:
+        matrix, right: (r, t) and (r,) rows of −Π's derivatives, those of τ first.
+        place: (r,) number of the place that a row is of; its rows are left out together.
+        told: how many rows are of τ.
+
+    Returns:
+        Coefficients; misses (told,), predicted minus true; the standard deviations (told,) foretold for them, for rows
+        with a noise of 1. None where the rows, or those without some place, do not determine all terms.
+    """
+    sizes = np.linalg.norm(matrix, axis=0)
+    if len(matrix) < matrix.shape[1] or not sizes.all():
+        return None
+    Q, R = np.linalg.qr(matrix / sizes)
+    diagonal = np.abs(np.diagonal(R))
+    if diagonal.max() > WORST_CONDITION * diagonal.min():
+        return None
+    coefficients = np.linalg.solve(R, Q.T @ right) / sizes
+    residual = right - Q @ (Q.T @ right)
+    misses, doubts = np.empty(told), np.empty(told)
+    for one in range(place.max() + 1):
+        rows = np.flatnonzero(place == one)
+        values, vectors = np.linalg.eigh(np.eye(len(rows)) - Q[rows] @ Q[rows].T)
+        if values[0] < DETERMINED:
+            return None
+        of_tau = rows < told
+        missed = vectors @ ((vectors.T @ residual[rows]) / values)
+        misses[rows[of_tau]] = -missed[of_tau]
+        doubts[rows[of_tau]] = np.sqrt(np.sum(vectors**2 / values, axis=1))[of_tau]
+    return coefficients, misses, doubts
+
+
 class EnergySystem:
     """States, scaled, and what they know: τ, its slopes, the energy U − p·travel and −travel.
 
@@ -127,31 +163,13 @@ class EnergySystem:
         self.prepare([terms])
         matrix = np.column_stack([self._columns[tuple(t)] for t in terms.tolist()])
         right, state = self._right, self._state
-        sizes = np.linalg.norm(matrix, axis=0)
-        if len(matrix) < len(terms) or not sizes.all():
+        found = least_squares(matrix, right, self.places[state], self.data.tau.size)
+        if found is None:
             return None
-        Q, R = np.linalg.qr(matrix / sizes)
-        diagonal = np.abs(np.diagonal(R))
-        if diagonal.max() > WORST_CONDITION * diagonal.min():
-            return None
-        solution = np.linalg.solve(R, Q.T @ right)
-        residual = right - Q @ (Q.T @ right)
-        misses, doubts = np.empty(self.data.tau.size), np.empty(self.data.tau.size)
-        n, of_row = len(self.data), self.places[state]
-        for place in range(self.places.max() + 1):
-            rows = np.flatnonzero(of_row == place)
-            left = np.eye(len(rows)) - Q[rows] @ Q[rows].T
-            values, vectors = np.linalg.eigh(left)
-            if values[0] < DETERMINED:
-                return None
-            told = rows < len(misses)
-            missed = vectors @ ((vectors.T @ residual[rows]) / values)
-            misses[rows[told]] = -missed[told]
-            doubts[rows[told]] = np.sqrt(np.sum(vectors**2 / values, axis=1))[told]
-        of_state = (len(self.ranges), n)
-        weight = self.weights[:, None]
+        coefficients, misses, doubts = found
+        of_state, weight = (len(self.ranges), len(self.data)), self.weights[:, None]
         return EnergySolution(
-            solution / sizes,
+            coefficients,
             misses.reshape(of_state).T * self.ranges / weight,
             doubts.reshape(of_state).T / weight,
         )

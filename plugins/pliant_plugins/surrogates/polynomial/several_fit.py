@@ -20,7 +20,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import ModuleData
 from pliant.records.law import Domain, JointLaw
-from pliant_plugins.surrogates.polynomial.energy_system import DETERMINED, SLOPE_WEIGHT, WORST_CONDITION
+from pliant_plugins.surrogates.polynomial.energy_system import SLOPE_WEIGHT, least_squares
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.several_law import FORM, Exponents, SeveralLaw, powers, product
 from pliant_plugins.surrogates.polynomial.states import split
@@ -207,26 +207,11 @@ class _System:
         A, b, of_row = np.concatenate(matrix), np.concatenate(right), np.concatenate(state)
         if self.with_energy:
             A, b = self._less_rest(A, b, exponents)
-        sizes = np.linalg.norm(A, axis=0)
-        if len(A) < len(exponents) or not sizes.all():
+        found = least_squares(A, b, of_row, self.k * len(data))
+        if found is None:
             return None
-        Q, R = np.linalg.qr(A / sizes)
-        diagonal = np.abs(np.diagonal(R))
-        if diagonal.max() > WORST_CONDITION * diagonal.min():
-            return None
-        coefficients = np.linalg.solve(R, Q.T @ b) / sizes
-        residual = b - Q @ (Q.T @ b)
-        n = len(data)
-        misses = np.empty(self.k * n)
-        for one in range(n):
-            rows = np.flatnonzero(of_row == one)
-            values, vectors = np.linalg.eigh(np.eye(len(rows)) - Q[rows] @ Q[rows].T)
-            if values[0] < DETERMINED:
-                return None
-            missed = vectors @ ((vectors.T @ residual[rows]) / values)
-            told = rows < len(misses)
-            misses[rows[told]] = -missed[told]
-        shares = misses.reshape(self.k, n).T
+        coefficients, misses, _ = found
+        shares = misses.reshape(self.k, len(data)).T
         rmse = float(np.sqrt(np.mean(shares**2)))
         return Candidate(degrees, exponents, coefficients, shares * self.ranges, rmse)
 
