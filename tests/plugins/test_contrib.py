@@ -1,4 +1,4 @@
-"""The packages of contrib in a fresh environment: found, passing their own tests, working without a change to core."""
+"""Packages of contrib and skeletons in a fresh environment: found, passing their own tests, core unchanged."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from tests.cli.search_study import BUDGET, STUDY
 from tests.plugins.conftest import CONTRIB, HAS_PYMOO, HAS_WARP
 
+from pliant.cli.plugins import EXAMPLES
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
 
@@ -49,6 +50,12 @@ def test_it_passes_its_own_tests(own_tests: dict[str, list[str]], name: str) -> 
     if name == "pliant-warp" and not HAS_WARP:
         pytest.skip("needs mujoco_warp: pip install mujoco-warp")
     assert set(own_tests[name]) == {"passed"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interface", EXAMPLES)
+def test_a_skeleton_passes_its_own_tests(own_tests: dict[str, list[str]], interface: str) -> None:
+    assert set(own_tests[f"my-{interface}"]) == {"passed"}
 
 
 @pytest.mark.slow

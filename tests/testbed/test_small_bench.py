@@ -23,7 +23,7 @@ def test_the_small_bench_is_right(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "evidence_small.json").read_text())
     assert data["n"] == len(small_plan().tasks()) and data["errors"] == 0
     assert data["planned"] == planned(small_plan()) == {g: row["n"] for g, row in data["time"].items()}
-    assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (0, 4)
+    assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (0, 2)
     assert (data["effects"]["n"], data["unknown"]["n"]) == (7, 2)
     assert data["effects"]["by_class"]["right"] >= FEWEST["effects"]
     assert data["unknown"]["right"] >= FEWEST["unknown"]
