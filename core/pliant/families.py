@@ -29,7 +29,7 @@ ROUNDING = 1e-6  # sides that differ by this share of the larger are equal
 OPPOSITE = {">": "≤", "≥": "<", "<": "≥", "≤": ">"}
 DIGITS = 6
 FAR_APART = 50  # times: lengths of one module are not so different
-UNITS = "; bare numbers are metres: were units forgotten?"
+UNITS = " (bare numbers are metres: were units forgotten?)"
 
 G = TypeVar("G")
 

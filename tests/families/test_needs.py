@@ -77,3 +77,8 @@ def test_lengths_come_first_then_the_familys_own(changes: dict[str, object], say
 
 def test_a_length_may_be_0_where_its_field_says_so() -> None:
     check_design(TubeConfig())
+
+
+def test_the_sentence_ends_once() -> None:
+    with pytest.raises(InvalidDesignError, match=r"were units forgotten\?\)\.$"):
+        check_design(TubeConfig.model_validate({"radius": 5}))
