@@ -138,6 +138,13 @@ def test_one_mistake_gives_one_failure_in_one_sentence(
     assert str(failure.value) == failed.message
 
 
+def test_a_refused_example_is_called_one() -> None:
+    mistaken = replace(broken.good("family"), example={"wall": "9 mm"})
+    (failed,) = [o for o in run_checks(mistaken) if o.status == "failed"]
+    assert failed.name == "implementation_fills_the_interface"
+    assert "the design that its manifest states as the example is refused: box needs room" in failed.message
+
+
 def test_what_is_declared_wrongly_stops_the_rest() -> None:
     case = next(c for c in broken.of("effect") if c.check == "declares_place_and_parameters")
     outcomes = run_checks(case.component)

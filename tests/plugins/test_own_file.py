@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,13 @@ def test_it_is_judged_by_the_same_rules(folder: Path) -> None:
     bad = call("check", "effect", "rise", "--file", "rise.py")
     assert bad.exit_code == 3
     assert "FAILED   terms_keep_the_joint_stable" in bad.output
+
+
+def test_checks_that_one_cause_stops_take_one_line(folder: Path) -> None:
+    write(folder, EFFECT.replace("place = ", "place_ = "))
+    bad = call("check", "effect", "rise", "--file", "rise.py")
+    assert bad.exit_code == 3
+    assert bad.output.count("skipped  ") == 1 and re.search(r"skipped  \d+ checks", bad.output)
 
 
 @pytest.mark.slow

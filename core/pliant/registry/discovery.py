@@ -66,9 +66,14 @@ class Registry:
             if (interface, kind) in failure.kinds:
                 raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")
         known = self.kinds(interface)
-        message = f"unknown {interface} kind '{kind}'{closest(kind, known)}"
-        message += f" Known kinds: {', '.join(known) or 'none is installed'}."
-        message += " One of a package of yours is found by the package's entry point, once it is installed."
+        near = closest(kind, known)
+        message = (
+            f"unknown {interface} kind '{kind}'{near} Known kinds: {', '.join(known) or 'none is installed'}."
+        )
+        if near == ".":
+            message += (
+                " One of a package of yours is found by the package's entry point, once it is installed."
+            )
         if self.failures:
             names = ", ".join(f"{f.name} ({f.cause})" for f in self.failures)
             message += f" Plugins that failed to load: {names}."
