@@ -111,6 +111,16 @@ def test_a_command_that_overtakes_what_is_left_changes_the_time_within_its_step(
     assert y == pytest.approx(wanted, rel=1e-12)
 
 
+@pytest.mark.parametrize("hold", [100.0, 744.3, 1e4])  # e^(−744.3) is the least number above zero
+def test_the_least_rest_of_long_ago_does_not_choose_the_time(hold: float) -> None:
+    """Vented for so many times that hardly a number is left of it, then a ramp up: filled from its begin."""
+    filling, venting, rate = 0.3, 1.0, 0.2
+    t = np.array([0.0, 0.0, hold, hold + 2.0])
+    y = lagged(np.array([1.0, 0.0, 0.0, 2.0 * rate]), t, filling, falling_s=venting)
+    wanted = rate * (2.0 - filling * (1 - np.exp(-2.0 / filling)))
+    assert y[-1] == pytest.approx(wanted, rel=1e-12)
+
+
 @pytest.mark.parametrize(("ratio", "second"), [(0.3, 0.3), (3.0, 0.3), (0.3, 1.0), (3.0, 0.02), (1.0, 1.0)])
 def test_it_is_the_solution_of_its_equations(ratio: float, second: float) -> None:
     """Against scipy's integrator, between samples one by one."""

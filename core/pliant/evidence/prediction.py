@@ -25,7 +25,7 @@ from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import Followed, History, held
+from pliant.records.history import Followed, History, held, run_by_run
 from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 
@@ -68,6 +68,7 @@ class Predictor:
         self._geometry = ChainGeometry.of(self._base.chain)
         self.parts = 1
         self._histories = led_in([run.history for run in measurement.runs])
+        self._finer: dict[int, Sequence[History]] = {}
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
             if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
@@ -123,7 +124,7 @@ class Predictor:
         if parts == self.parts:
             return self
         other = copy.copy(self)
-        other.parts = parts
+        other.parts, other._finer = parts, self._finer
         return other
 
     def steps_between_samples(
@@ -195,7 +196,7 @@ class Predictor:
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
         if any(map(is_held, driven)):
             return self._held(model, driven, parts)
-        reached = _reached(model, _fine(driven, parts))
+        reached = _reached(model, self._fine(driven, parts))
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(self._read(model, paths, reached, parts), failed)
@@ -229,7 +230,7 @@ class Predictor:
             kept = self._held(model, self._histories, parts)
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
             return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
-        fine = _fine(self._histories, parts)
+        fine = self._fine(self._histories, parts)
         driven = tuple(_reached(model, fine))
         if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
             paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
@@ -247,6 +248,20 @@ class Predictor:
             differences.append(_differences(base, self._read(other, moved, variation.histories, parts)))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
+
+    def _fine(self, histories: Sequence[History], parts: int) -> Sequence[History]:
+        """At every step; closed valves first, for they hold what a sample commanded. The measured runs' are kept."""
+        if parts == 1:
+            return histories
+        if histories is not self._histories:
+            return [held(history).refined(parts) for history in histories]
+        if parts not in self._finer:
+            self._finer[parts] = [held(history).refined(parts) for history in histories]
+        return self._finer[parts]
+
+    def __getstate__(self) -> dict[str, object]:
+        """As it is copied or travels to a worker: what can be made again stays."""
+        return {**vars(self), "_finer": {}}
 
     def _held(self, model: Model, histories: Sequence[History], parts: int) -> Prediction:
         """What is read of a joint whose coordinate the bench imposes; effects of inputs act on its supply alone."""
@@ -278,10 +293,9 @@ class Predictor:
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
-        ends = np.cumsum([len(history) for history in histories])[:-1]
-        of_runs = {name: np.split(values, ends) for name, values in true.items()}
+        of_runs = {name: run_by_run(values, histories) for name, values in true.items()}
         of_runs |= {name: list(efforts) for name in BLOCKED.values() if efforts and name in self.outputs}
-        runs = []
+        runs, whole = [], bool(np.concatenate([path.converged for path in paths]).all())
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
             run = {name: of_runs[name][k] for name in self.outputs}
             if model.outputs:  # maps of the readings see the clock and the actuation too
@@ -289,7 +303,7 @@ class Predictor:
                 pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
                 reported = model.reported({**run, **clock, "actuation": pushed})
                 run = {name: np.asarray(reported[name], float) for name in self.outputs}
-            if not path.converged.all():
+            if not (whole or path.converged.all()):
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
             if history.time_s is not None and parts > 1:
                 run = {name: values[::parts] for name, values in run.items()}
@@ -367,11 +381,6 @@ class Predictor:
 def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
     """Readings there less those of the base, run by run."""
     return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
-
-
-def _fine(histories: Sequence[History], parts: int) -> Sequence[History]:
-    """At every step; closed valves first, for they hold what a sample commanded."""
-    return histories if parts == 1 else [held(history).refined(parts) for history in histories]
 
 
 def _reached(model: Model, histories: Sequence[History]) -> list[History]:

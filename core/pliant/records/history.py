@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -184,6 +184,12 @@ def held(history: History) -> History:
     last_open = np.maximum.accumulate(np.where(history.valve_open != 0.0, np.arange(len(history)), 0))
     kept = {n: values[last_open] for n, values in history.actuation.items() if PRESSURE.fullmatch(n)}
     return history.with_actuation(**kept)
+
+
+def run_by_run(values: NDArray[Any], histories: Sequence[History]) -> list[NDArray[Any]]:
+    """Rows (N, …) of all histories one after another as views of each one's (t, …)."""
+    ends = np.cumsum([len(history) for history in histories]).tolist()
+    return [values[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 @dataclass(frozen=True, eq=False)

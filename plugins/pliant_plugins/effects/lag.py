@@ -32,37 +32,15 @@ def lagged(
     `falling_s` > 0 is the time constant while what has arrived is above the values, by default the same. `flows`
     (t − 1,) says in which steps anything does; by default in all.
     """
-    distances, _, _ = distances_of(
-        values, time_s, constant_s, flows, constant_s if falling_s is None else falling_s
-    )
-    late: Array = values + distances
+    from pliant_plugins.effects.recurrences import lagging
+
+    falling_s = constant_s if falling_s is None else falling_s
+    late: Array = values + lagging(*steps_of(values, time_s, flows), constant_s, falling_s)
     return late
 
 
-def distances_of(
-    values: Array, time_s: Array, constant_s: float, flows: NDArray[np.bool_] | None, falling_s: float
-) -> tuple[Array, NDArray[np.int64], Array]:
-    """d (t,) at every sample, and where y met u: the steps (m,) and the times (m,) since their start, s."""
-    from pliant_plugins.effects.recurrences import accumulated, distances_of_two
-
-    change, steps = np.diff(values), np.diff(time_s)
-    rising = _shares(change, steps, constant_s, flows)
-    if falling_s == constant_s:
-        return accumulated(*rising), np.zeros(0, np.int64), np.zeros(0)
-    falling = _shares(change, steps, falling_s, flows)
-    found: tuple[Array, NDArray[np.int64], Array] = distances_of_two(
-        change, steps, *rising, *falling, constant_s, falling_s
-    )
-    return found
-
-
-def _shares(
-    change: Array, steps: Array, constant_s: float, flows: NDArray[np.bool_] | None
-) -> tuple[Array, Array]:
-    """(t − 1,) what each step leaves of the distance, and what it adds to it."""
-    times = steps / constant_s
-    arrived = -np.expm1(-times)
-    mean = np.divide(arrived, times, out=np.ones_like(times), where=times > 0)
-    if flows is not None:
-        arrived, mean = np.where(flows, arrived, 0.0), np.where(flows, mean, 1.0)
-    return 1.0 - arrived, -mean * change
+def steps_of(
+    values: Array, time_s: Array, flows: NDArray[np.bool_] | None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """(t − 1,) what changes in each step, how long it takes, s, and whether anything flows."""
+    return np.diff(values), np.diff(time_s), np.ones(len(values) - 1, bool) if flows is None else flows

@@ -15,33 +15,65 @@ SMALL_SHARE = 1e-3
 
 
 @njit(cache=True, error_model="numpy")
-def accumulated(kept, added):  # type: ignore[no-untyped-def]
-    """d (t,) at every sample, from 0: each step keeps a share of it (t − 1,) and adds to it (t − 1,)."""
-    distances = np.zeros(len(kept) + 1)
-    for k in range(len(kept)):
-        distances[k + 1] = kept[k] * distances[k] + added[k]
-    return distances
+def lagging(change, steps, flows, rising_s, falling_s):  # type: ignore[no-untyped-def]
+    """d (t,) of one stage at every sample, from 0; of each step (t − 1,) inputs change, and whether anything flows."""
+    found = np.zeros(len(change) + 1)
+    for k in range(len(change)):
+        d = found[k]
+        found[k + 1] = _stage(d, change[k], steps[k], rising_s, falling_s)[0] if flows[k] else d - change[k]
+    return found
 
 
 @njit(cache=True, error_model="numpy")
-def distances_of_two(change, steps, kept, added, kept_above, added_above, rising_s, falling_s):  # type: ignore[no-untyped-def]
-    """d (t,) with one time below the values and another above them; where they met: steps (m,), times since (m,), s."""
-    n = len(change)
-    distances, met, since = np.zeros(n + 1), np.zeros(n, np.int64), np.zeros(n)
-    count, d = 0, 0.0
-    for k in range(n):
+def lagging_twice(change, steps, flows, rising_s, falling_s, second_s):  # type: ignore[no-untyped-def]
+    """w (t,) behind two stages at every sample, from 0; steps in which the first one's time changes are two pieces."""
+    found = np.zeros(len(change) + 1)
+    d = w = 0.0
+    for k in range(len(change)):
         moved, step = change[k], steps[k]
-        above = d > 0.0 or (d == 0.0 and moved < 0.0)
-        after = kept_above[k] * d + added_above[k] if above else kept[k] * d + added[k]
-        if d * after < 0.0 and kept[k] < 1.0:
-            before_s, after_s = (falling_s, rising_s) if above else (rising_s, falling_s)
-            reached = min(before_s * math.log1p(d * step / (before_s * moved)), step)
-            met[count], since[count] = k, reached
-            count += 1
-            after = moved * (after_s / step) * math.expm1(-(step - reached) / after_s)
-        d = after
-        distances[k + 1] = d
-    return distances, met[:count], since[:count]
+        if not flows[k]:
+            d, w = d - moved, w - moved
+        else:
+            after, met = _stage(d, moved, step, rising_s, falling_s)
+            if met < step:
+                before = moved * met / step
+                w = _second_stage(w, d, before, met, rising_s, falling_s, second_s)
+                w = _second_stage(w, 0.0, moved - before, step - met, rising_s, falling_s, second_s)
+            else:
+                w = _second_stage(w, d, moved, step, rising_s, falling_s, second_s)
+            d = after
+        found[k + 1] = w
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _stage(d, moved, step, rising_s, falling_s):  # type: ignore[no-untyped-def]
+    """d behind one step, and when within it y met u, after which the other time rules; `step` where it did not."""
+    above = d > 0.0 or (d == 0.0 and moved < 0.0)
+    now_s, then_s = (falling_s, rising_s) if above else (rising_s, falling_s)
+    kept = math.exp(-step / now_s)
+    after = kept * d - _mean(step / now_s) * moved
+    if (d < 0.0 < after or after < 0.0 < d) and kept < 1.0 and now_s != then_s:
+        met = min(now_s * math.log1p(d * step / (now_s * moved)), step)
+        return moved * (then_s / step) * math.expm1(-(step - met) / then_s), met
+    return after, step
+
+
+@njit(cache=True, error_model="numpy")
+def _second_stage(w, d, moved, step, rising_s, falling_s, second_s):  # type: ignore[no-untyped-def]
+    """w behind a piece in which the first stage, d away at its begin, has one time."""
+    above = d > 0.0 or (d == 0.0 and moved < 0.0)
+    ratio = (falling_s if above else rising_s) / second_s
+    two = step / second_s
+    one = two / ratio
+    mixed = math.exp(-min(one, two)) * _mean(abs(two - one))
+    return math.exp(-two) * w + two * mixed * d + moved * (ratio * mixed - (1.0 + ratio) * _mean(two))
+
+
+@njit(cache=True, error_model="numpy")
+def _mean(x):  # type: ignore[no-untyped-def]
+    """(1 − e^(−x)) / x, the mean of e^(−t) over [0, x]."""
+    return -math.expm1(-x) / x if x > 0.0 else 1.0
 
 
 @njit(cache=True, error_model="numpy")

@@ -32,7 +32,7 @@ from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, p
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.lag import distances_of, lagged
+from pliant_plugins.effects.lag import lagged, steps_of
 from pliant_plugins.effects.pressures import full_scale
 
 
@@ -132,9 +132,9 @@ def through_orifice(
     """
     from pliant_plugins.effects import recurrences
 
-    running = np.ones(len(values) - 1, bool) if flows is None else flows
+    _, steps, running = steps_of(values, time_s, flows)
     middle, first = 0.5 * (values[1:] + values[:-1]), float(values[0])
-    late: Array = recurrences.through_orifice(middle, np.diff(time_s), running, *times_s, power, first)
+    late: Array = recurrences.through_orifice(middle, steps, running, *times_s, power, first)
     return late
 
 
@@ -156,46 +156,10 @@ def lagged_twice(
         w(t + h) = E₂ w(t) + G (d(t) + s T) − (T + T₂)(1 − E₂) s
         E₂ = e^(−h/T₂),      G = T/(T − T₂) (e^(−h/T) − e^(−h/T₂)),      G → h/T e^(−h/T) where T₂ → T
 
-    The second stage is linear: where y passes u within a step, that instant is put between the samples (d = 0
-    there), and every piece has one T. Where nothing flows both stages stand still.
+    The second stage is linear: where y passes u within a step, the step is two pieces (d = 0 between them), and every
+    piece has one T. Where nothing flows both stages stand still.
     """
-    from pliant_plugins.effects.recurrences import accumulated
+    from pliant_plugins.effects.recurrences import lagging_twice
 
-    first, steps, since = distances_of(values, time_s, times_s[0], flows, times_s[1])
-    inputs, clock = values, time_s
-    running = np.ones(len(values) - 1, bool) if flows is None else flows
-    if len(steps):
-        at = time_s[steps] + since
-        there = values[steps] + np.diff(values)[steps] * since / np.diff(time_s)[steps]
-        inputs, clock, first = (
-            np.insert(whole, steps + 1, new) for whole, new in ((values, there), (time_s, at), (first, 0.0))
-        )
-        running = np.insert(running, steps + 1, True)
-    late: Array = inputs + accumulated(*_shares(inputs, clock, first, running, times_s, second_s))
-    return np.delete(late, steps + 1 + np.arange(len(steps)))
-
-
-def _shares(
-    inputs: Array,
-    clock: Array,
-    first: Array,
-    running: NDArray[np.bool_],
-    times_s: tuple[float, float],
-    second_s: float,
-) -> tuple[Array, Array]:
-    """What each piece leaves of w, and what it adds to it."""
-    change, steps, before = np.diff(inputs), np.diff(clock), first[:-1]
-    above = (before > 0.0) | ((before == 0.0) & (change < 0.0))
-    one_s = np.where(above, times_s[1], times_s[0])
-    one, two = steps / one_s, steps / second_s
-    apart = np.abs(two - one)
-    mixed = np.exp(-np.minimum(one, two)) * _mean(apart)
-    ratio = one_s / second_s
-    more = two * mixed * before + change * (ratio * mixed - (1.0 + ratio) * _mean(two))
-    return np.where(running, np.exp(-two), 1.0), np.where(running, more, -change)
-
-
-def _mean(x: Array) -> Array:
-    """(1 − e^(−x)) / x, the mean of e^(−t) over [0, x]."""
-    mean: Array = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0)
-    return mean
+    late: Array = values + lagging_twice(*steps_of(values, time_s, flows), *times_s, second_s)
+    return late

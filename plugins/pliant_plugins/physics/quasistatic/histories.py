@@ -17,7 +17,7 @@ from pliant.interfaces.physics import Variation
 from pliant.mechanics.kinematics import base_rotations
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import Followed, History
+from pliant.records.history import Followed, History, run_by_run
 from pliant.records.law import JointLaw
 from pliant.records.term import LawTerm
 from pliant_plugins.physics.compiled.laws import CompiledTerms, PackedLaws
@@ -328,6 +328,5 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:
-    ends = np.cumsum([len(h) for h in histories])[:-1]
-    pieces = zip(np.split(q[:, :, None], ends), np.split(converged, ends), strict=True)
+    pieces = zip(run_by_run(q[:, :, None], histories), run_by_run(converged, histories), strict=True)
     return tuple(Followed(*piece) for piece in pieces)
