@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
-from tests.diagnosis.quick import BENCH, REGISTRY, colour, effect, measurement_of, ramp
+from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, effect, measurement_of, ramp
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, folded, labels_before_the_picture
 
@@ -13,6 +13,7 @@ from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.improvement import _Walk, improve
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.test_split import lock
+from pliant.evidence.prediction import Predictor
 from pliant.report.figures import learning, style
 from pliant.report.improvement import improvement_document, summary
 from pliant.report.render import page
@@ -107,6 +108,21 @@ def test_a_clean_bench_takes_no_step(tmp_path):
     assert "No effect was added" in summary(found)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("hidden", [(), (effect("stiffness", factor=1.2),)])
+def test_readings_of_a_simulator_without_any_noise(tmp_path, hidden):
+    """What is hidden is added, errors are told in their own unit, and the page is drawn."""
+    model, runs = study(tmp_path), histories()
+    read = Predictor.of_study(BENCH, model, blank(runs)).predict(hidden)
+    measurement = measurement_of(runs, read)
+    found = improve(BENCH, model, measurement, kinds=["stiffness", "sensor_bias", "viscoelastic"])
+    assert added(found) == [one.kind for one in hidden]
+    said = summary(found)
+    assert "° rms in bend angle" in said and "noise" not in said and "nan" not in said + found.reason
+    assert all("nan" not in step.why for step in found.steps)
+    check_sound(page(improvement_document("simulated", measurement, found, REGISTRY)))
+
+
 @pytest.mark.slow
 def test_without_repeats_nothing_is_called_noise(tmp_path):
     found = improved(tmp_path, runs=histories(1))
@@ -188,6 +204,18 @@ def walked(creeping):
         ),
         ("no_gain", 1.04, 1.0, "The model is right to 1.04 ± 0.06 times the noise. Own words."),
         ("no_gain", 1.5, 1.0, "Own words."),
+        (
+            "nothing_missing",
+            np.nan,
+            np.nan,
+            "No listed effect lowers the error of the training runs any further; n",
+        ),
+        (
+            "unknown_effect",
+            np.nan,
+            np.nan,
+            "Something is missing, and it is not in the list: no listed effect",
+        ),
     ],
 )
 def test_the_closing_sentence_is_about_what_is_left(creeping, walked, stop, locked, training, begins):

@@ -144,7 +144,7 @@ def _doubt_left_out(found: Extension, kinds: Sequence[str], unseen: Residuals) -
     """Against the errors without these kinds on the same runs, left out of both fits."""
     floors = _floors(found.noise)
     gain = prediction_gain(block_squares(unseen, floors), block_squares(found.left_out_runs, floors))
-    if _earns(gain):
+    if not floors or _earns(gain):
         return []
     was, left = (score(one, found.noise.floors).over_floor for one in (unseen, found.left_out_runs))
     return [

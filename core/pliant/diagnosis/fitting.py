@@ -453,7 +453,7 @@ class Score:
 
     Attributes:
         rmse: by output, SI; outputs without a reading in these runs are left out.
-        over_floor: over all outputs, each in units of its floor; NaN where a floor is not known.
+        over_floor: over all outputs, each in units of its floor; NaN where one is not known, or none.
         n: readings.
     """
 
@@ -471,10 +471,11 @@ def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[in
     there = {name: values[np.isfinite(values)] for name, values in series.items()}
     there = {name: values for name, values in there.items() if len(values)}
     n = sum(len(values) for values in there.values())
-    total = sum(float(np.sum((values / floors[name].value) ** 2)) for name, values in there.items())
+    known = n and all(floors[name].value > 0.0 for name in there)
+    squares = (np.sum((there[name] / floors[name].value) ** 2) for name in there) if known else (np.nan,)
     return Score(
         rmse={name: float(np.sqrt(np.mean(values**2))) for name, values in there.items()},
-        over_floor=float(np.sqrt(total / n)) if n else np.nan,
+        over_floor=float(np.sqrt(sum(squares) / max(n, 1))),
         n=n,
     )
 

@@ -30,7 +30,15 @@ from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.steps import Cause, Improvement, Step, StepProposal, named_step, predicting_step
+from pliant.diagnosis.steps import (
+    Cause,
+    Improvement,
+    Step,
+    StepProposal,
+    change_in_words,
+    named_step,
+    predicting_step,
+)
 from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.unseen import block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
@@ -50,20 +58,25 @@ from pliant.records.remark import Rank, Remark
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
 LEAST_GAIN = 0.01
-# What is said at the end: where the error that is left is small, and where it is clearly above the noise.
+# What is said at the end: where the error that is left is small, where it is clearly above the noise, and where
+# nothing tells the noise.
 RIGHT = "The model is right to {left} times the noise"
 CLOSINGS = {
     "nothing_missing": (
         "What is left is noise, {left} times its floor: no listed effect lowers the error of the training runs any "
         "further.",
         "No listed effect lowers the error of the training runs any further, and yet it is {left} times the noise.",
+        "No listed effect lowers the error of the training runs any further; nothing tells how much of what is left is "
+        "noise.",
     ),
     "unknown_effect": (
         f"{RIGHT}; no listed effect explains the rest ({{gain}}).",
         "Something is missing, and it is not in the list: the error is {left} times the noise, and no listed effect, "
         "nor a few of them together, brings it down.",
+        "Something is missing, and it is not in the list: no listed effect, nor a few of them together, explains the "
+        "error.",
     ),
-    "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED),
+    "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED, UNDECIDED),
 }
 
 
@@ -230,11 +243,12 @@ class _Walk:
 
         Where one condition alone shows an effect it stays in their fit.
         """
-        floors, before = whole.noise.floors, self.drafts[-1].left_out
-        known = {name: floor.value for name, floor in floors.items() if floor.value > 0.0}
-        gain = prediction_gain(block_squares(before, known), block_squares(whole.left_out_runs, known))
-        conditions = score(whole.left_out or whole.residuals, floors).over_floor
-        no_worse = conditions < (1.0 + LEAST_GAIN) * score(before, floors).over_floor
+        floors, usual = whole.noise.floors, self.ground.readings(self.effects).scales
+        scales = {k: floors[k].value if floors[k].value > 0.0 else scale for k, scale in usual.items()}
+        before = block_squares(self.drafts[-1].left_out, scales)
+        gain = prediction_gain(before, block_squares(whole.left_out_runs, scales))
+        conditions = block_squares(whole.left_out or whole.residuals, scales).sum()
+        no_worse = conditions < (1.0 + LEAST_GAIN) ** 2 * before.sum()
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
     def _take(self, kind: str, proposal: StepProposal) -> None:
@@ -248,12 +262,11 @@ class _Walk:
         self.effects = found.effects
         self.added.append(kind)
         before, after = (
-            score(left, found.noise.floors).over_floor
-            for left in (self.drafts[-1].left_out, found.left_out_runs)
+            score(left, found.noise.floors) for left in (self.drafts[-1].left_out, found.left_out_runs)
         )
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
-        fall = f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
+        fall = f"It takes the error of {on} left out of the fit {change_in_words(before, after)}."
         residuals = self.ground.residuals(self.effects, self.measurement)
         known = proposal.why(kind, self.bench.registry)
         why = f"{known} {fall} {self._seen()}"
@@ -344,7 +357,7 @@ class _Walk:
         if reason or found is None:
             return f"{RIGHT.format(left=left)}. {reason}" if small else reason
         if stop in CLOSINGS:
-            words = CLOSINGS[stop][0 if small else 1]
+            words = CLOSINGS[stop][0 if small else 1 if np.isfinite(left.ratio) else 2]
             first = words.format(left=left, gain=left.gain, contenders=found.judgement.contenders)
         elif stop == "insufficient_data" and self.added:
             first = "Whether more is missing these data cannot tell."
@@ -360,7 +373,8 @@ class _Walk:
 
 def _still_wrong(last: Step, stop: str) -> list[str]:
     """The training runs show nothing more, and yet the runs put aside do."""
-    if stop != "nothing_missing" or Excess(last.locked.over_floor, last.locked_se).small:
+    left = Excess(last.locked.over_floor, last.locked_se)
+    if stop != "nothing_missing" or left.small or not np.isfinite(left.ratio):
         return []
     unseen = last.unseen
     where = f" ({unseen.over_floor:.2f} where their condition was in no other run)" if unseen else ""

@@ -32,6 +32,8 @@ from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.test_split import TrainTestSplit
 from pliant.diagnosis.unseen import best_of, best_prediction
+from pliant.evidence.excess import Excess
+from pliant.formatting import unit_of
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.registry.discovery import Registry
@@ -243,6 +245,17 @@ class Improvement:
         if self.locked.runs:
             return "runs put aside"
         return "runs left out" if len(self.locked.training.runs) > 1 else "blocks left out"
+
+
+def change_in_words(before: Score, after: Score, se: float = math.nan) -> str:
+    """How an error changes, over the noise where that is known (`se` of the second ratio): ``from 2.05 to 1.28 ±
+    0.10 times the noise``; by its first output otherwise: ``from 0.90° to 0.10° rms in bend angle``.
+    """
+    if math.isfinite(before.over_floor) and math.isfinite(after.over_floor):
+        return f"from {before.over_floor:.2f} to {Excess(after.over_floor, se)} times the noise"
+    name = next(iter(after.rmse), "")
+    unit = unit_of(name)
+    return f"from {unit.text(before.rmse[name], 3)} to {unit.text(after.rmse[name], 3)} rms in {unit.label}"
 
 
 def named_step(found: Diagnosis) -> StepProposal | None:

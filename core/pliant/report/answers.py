@@ -108,8 +108,12 @@ def improvement_answers(found: Improvement) -> Answers:
     first, last = found.steps[0].locked, found.steps[-1].locked
     added = [kind for step in found.steps for kind in step.added]
     good = errors_text(last.rmse, {name: floor.value for name, floor in found.floors.items()})
-    good += f", {_ratio(last.over_floor)} the noise"
-    good += f" (before: {_ratio(first.over_floor)})" if added else ""
+    judged = np.isfinite(last.over_floor)
+    good += (
+        f", {_ratio(last.over_floor)} the noise" if judged else ", of which nothing tells how much is noise"
+    )
+    before = _ratio(first.over_floor) if judged else errors_text(first.rmse, {})
+    good += f" (before: {before})" if added else ""
     missing = f"Added: {listed(added)}" if added else "Nothing was added"
     where = (
         f"{len(found.locked.runs)} runs that were put aside at the start"
@@ -117,7 +121,7 @@ def improvement_answers(found: Improvement) -> Answers:
         else f"{found.scored_on}; no run was put aside"
     )
     after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
-    sure = f"± {number(found.steps[-1].locked_se, 2)} times the noise, on {where}"
+    sure = f"{f'± {number(found.steps[-1].locked_se, 2)} times the noise, on' if judged else 'On'} {where}"
     return answers(good, missing, sure, proposed(found.next_run) or after)
 
 

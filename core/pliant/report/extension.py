@@ -9,6 +9,7 @@ import numpy as np
 from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
+from pliant.diagnosis.steps import change_in_words
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
@@ -100,5 +101,7 @@ def _absent(found: Extension, registry: Registry) -> str:
 
 def _errors(found: Extension) -> str:
     where = "on the readings fitted" if found.heldout is None else "on conditions left out"
-    last = number((found.heldout or found.after).over_floor, 3)
-    return f"error {number(found.before.over_floor, 3)} → {last} times the noise {where}"
+    before, last = found.before, found.heldout or found.after
+    if np.isfinite(last.over_floor):
+        return f"error {number(before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
+    return f"error {change_in_words(before, last)}, {where}"

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.bands import Bands
-from pliant.diagnosis.steps import Improvement, Step
+from pliant.diagnosis.steps import Improvement, Step, change_in_words
 from pliant.evidence.comparison import compare
+from pliant.evidence.excess import Excess
 from pliant.formatting import listed, number, plural, unit_of, whole_percent
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
-from pliant.report.answers import improvement_answers
+from pliant.report.answers import errors_text, improvement_answers
 from pliant.report.document import (
     Column,
     Document,
@@ -120,11 +121,13 @@ def summary(found: Improvement) -> str:
     first, last = found.steps[0].locked, found.steps[-1].locked
     on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
-        return f"No effect was added: the error on {on} is {number(first.over_floor, 3)} times the noise."
+        ratio = number(first.over_floor, 3)
+        size = f"{ratio} times the noise" if ratio != "–" else errors_text(first.rmse, {})
+        return f"No effect was added: the error on {on} is {size}."
     kinds = listed([step.named for step in found.steps if step.added])
     verb = "falls" if last.over_floor < first.over_floor else "goes"
-    now = _ratio(found.steps[-1])
-    fall = f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."
+    change = change_in_words(first, last, found.steps[-1].locked_se)
+    fall = f"With {kinds} the error on {on} {verb} {change}."
     return f"{fall} {causes(found)}".strip()
 
 
@@ -158,7 +161,7 @@ def _title(placed: Placed) -> str:
 
 
 def _ratio(step: Step) -> str:
-    return f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}"
+    return str(Excess(step.locked.over_floor, step.locked_se)) if np.isfinite(step.locked.over_floor) else "–"
 
 
 def _brief(found: Improvement, measurement: Measurement) -> tuple[Table | str, ...]:
@@ -215,9 +218,10 @@ def steps_brief(found: Improvement) -> Table:
         brief_table(step_columns(found), list(enumerate(found.steps, start=1))),
         list(found.steps[0].locked.rmse),
     )
-    floors = (unit_of(name).text(found.floors[name].value, 3) for name in names)
+    known = {name: floor.value for name, floor in found.floors.items() if floor.value > 0.0}
+    floors = (unit_of(name).text(known[name], 3) if name in known else "–" for name in names)
     head = [f"error on {found.scored_on}", *table.head[1:]]
-    rows = [*table.rows, ["noise floor", *floors, "1"]]
+    rows = [*table.rows, ["noise floor", *floors, "1" if all(name in known for name in names) else "–"]]
     if len(names) > MOST_IN_A_ROW:
         steps = [str(place) for place in range(1, len(rows))]
         first, *labels = head
@@ -271,7 +275,7 @@ def _band_picture(found: Improvement, measurement: Measurement) -> Picture | Non
     held = [name for name in last if name in found.bands.half_width()]
     if not held:
         return None
-    output = max(held, key=lambda name: first[name] / last[name])
+    output = min(held, key=lambda name: last[name] / first[name] if first[name] > 0.0 else 1.0)
     centre = found.bands.centre
     shown = Compared(measurement, centre, compare(measurement, centre), found.bands)
     names = [measurement.runs[k].name for k in found.locked.runs] or [run.name for run in measurement.runs]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -99,7 +100,12 @@ STEP_PX, MARGIN_PX, SMALLEST_PX, NARROWEST_PX = 200, 160, 880, 1400
 def error_steps(found: Improvement) -> style.Png:
     """A panel per output, the farthest above its floor first: a staircase with short labels."""
     first = found.steps[0].locked.rmse
-    outputs = sorted(first, key=lambda name: -first[name] / found.floors[name].value)[:MOST_OUTPUTS]
+
+    def above(name: str) -> float:
+        floor = found.floors[name].value
+        return first[name] / floor if floor > 0.0 else math.inf
+
+    outputs = sorted(first, key=above, reverse=True)[:MOST_OUTPUTS]
     width = max(SMALLEST_PX, STEP_PX * len(found.steps) + MARGIN_PX) * len(outputs)
     with style.canvas(min(max(width, NARROWEST_PX), WIDEST_PX), HEIGHT_PX) as figure:
         for panel, name in zip(style.panels(figure, len(outputs), len(outputs)), outputs, strict=True):
@@ -112,13 +118,14 @@ def _step_panel(axes: Any, found: Improvement, name: str) -> None:
     places = np.arange(1, len(found.steps) + 1)
     locked = np.array([step.locked.rmse[name] for step in found.steps]) * words.factor
     training = np.array([step.training.rmse.get(name, np.nan) for step in found.steps]) * words.factor
-    share = np.array([step.locked_se / step.locked.over_floor for step in found.steps])
+    share = np.nan_to_num([step.locked_se / step.locked.over_floor for step in found.steps])
     level, error = floor.value * words.factor, floor.se * words.factor
     ends = (0.5, len(places) + 0.5)
     axes.fill_between(ends, level - 2 * error, level + 2 * error, color=style.FAINT, alpha=0.6, lw=0)
     axes.plot(ends, [level, level], color=style.SOFT, ls="--", lw=1.2)
     look: dict[str, Any] = {"ha": "right", "va": "top", "color": style.SOFT}
-    style.note(axes, f"noise floor {words.text(floor.value, 2)}", (ends[1], level), (-4, -5), **look)
+    known = f"noise floor {words.text(floor.value, 2)}" if level > 0.0 else "no noise floor is known"
+    style.note(axes, known, (ends[1], level if level > 0.0 else 0.0), (-4, -5), **look)
     treads = [ends[0], *(places[:-1] + 0.5), ends[1]]
     axes.stairs(locked, treads, baseline=None, color=style.SERIES[0], alpha=0.35, lw=2.2)
     axes.plot(places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training runs, left out in turn")
@@ -131,7 +138,7 @@ def _step_panel(axes: Any, found: Improvement, name: str) -> None:
     axes.set_xticks(places, [_label(k, step.added) for k, step in enumerate(found.steps, start=1)])
     axes.grid(visible=False, axis="x")
     axes.set_xlim(*ends)
-    axes.set_ylim(0, 1.38 * float(np.nanmax([*(locked * (1 + share)), *training, level])))
+    axes.set_ylim(0, 1.38 * float(np.nanmax([*(locked * (1 + share)), *training, level])) or 1.0)
     axes.set_ylabel(f"rms error ({words.symbol})")
     axes.set_title(words.label)
     axes.legend(loc="upper right")
