@@ -23,7 +23,8 @@ from tests.diagnosis.quick import (
 
 from pliant.diagnosis import fitting
 from pliant.diagnosis.candidates import PRIOR_WEIGHT, EffectSet
-from pliant.diagnosis.fitting import EffectFit, Fitter, condition_of_runs, heldout_residual
+from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()

@@ -33,17 +33,10 @@ from pliant.diagnosis.excitation import (
     excitations,
     not_excited,
 )
-from pliant.diagnosis.fitting import (
-    SHARE_OF_RANGE,
-    EffectFit,
-    Fitter,
-    ReadingVector,
-    condition_of_runs,
-    heldout_residual,
-    readings_over_floor,
-)
+from pliant.diagnosis.fitting import SHARE_OF_RANGE, EffectFit, Fitter, ReadingVector, readings_over_floor
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import offer
+from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.search import HypothesisSearch, Tick
@@ -177,12 +170,13 @@ def diagnose(
     measurement, lost = _followed(short, plain)
     readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
-    chosen, left_out = applicable(registry, fitter, asked)
-    shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
+    nothing = fitter.fit(EffectSet.of(registry, NOTHING))
     threads = own_threads() if predictor.backend.capabilities.threads else 1
     with executor_for(workers, threads=threads) as executor:
         if executor.remote:
             fitter.checked()
+        chosen, left_out = applicable(registry, fitter, asked, executor)
+        shown = excitations(registry, fitter, nothing, chosen, executor)
         search = HypothesisSearch(
             registry, measurement, readings, fitter, thresholds, shown, executor=executor
         )

@@ -9,8 +9,10 @@ import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet, FitParameter
 from pliant.diagnosis.evidence_table import EvidenceThresholds, Kinds
-from pliant.diagnosis.fitting import EffectFit, Fitter
-from pliant.errors import ImpossibleEffectError, UserError
+from pliant.diagnosis.fitting import EffectFit, Fitter, reason_of
+from pliant.errors import UserError
+from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.jobs import JobQueue
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
@@ -66,35 +68,43 @@ class Detectable:
     unit: str
 
 
-def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+def applicable(
+    registry: Registry, fitter: Fitter, kinds: Sequence[str], executor: Executor | None = None
+) -> tuple[list[str], dict[str, str]]:
     """Kinds that this chain can have, and the others with the plugin's reason, without its advice on a study."""
-    fits: list[str] = []
     reasons: dict[str, str] = {}
+    asked: dict[str, tuple[EffectSet, Array]] = {}
     for kind in kinds:
         try:
             candidate = EffectSet.of(registry, (kind,))
-            fitter.look(candidate, candidate.starts()[0])
+            asked[kind] = candidate, candidate.starts()[0]
         except UserError as error:
-            reasons[kind] = error.reason if isinstance(error, ImpossibleEffectError) else str(error)
-            continue
-        fits.append(kind)
-    return fits, reasons
+            reasons[kind] = reason_of(error)
+    with JobQueue(executor or InlineExecutor(), fitter.refusal_from) as queue:
+        for kind, one in zip(asked, queue.each(list(asked.values())), strict=True):
+            if refusal := one.unwrap():
+                reasons[kind] = refusal
+    return [kind for kind in kinds if kind not in reasons], {k: reasons[k] for k in kinds if k in reasons}
 
 
 def excitations(
-    registry: Registry, fitter: Fitter, nothing: EffectFit, kinds: Sequence[str]
+    registry: Registry,
+    fitter: Fitter,
+    nothing: EffectFit,
+    kinds: Sequence[str],
+    executor: Executor | None = None,
 ) -> dict[str, Excitation]:
     """Every effect as strong as an expert would still believe, shapes in the middle of their range."""
-    found = {}
-    for kind in kinds:
-        candidate = EffectSet.of(registry, (kind,))
-        options = []
-        for end in _ends(candidate):
-            fit = fitter.look(candidate, end, nothing.parts)
+    candidates = [EffectSet.of(registry, (kind,)) for kind in kinds]
+    asked = [(candidate, end, nothing.parts) for candidate in candidates for end in _ends(candidate)]
+    found: dict[str, Excitation] = {}
+    with JobQueue(executor or InlineExecutor(), fitter.look_from) as queue:
+        for (candidate, end, _), one in zip(asked, queue.each(asked), strict=True):
+            fit = one.unwrap()
             change, slopes, snr = _seen(nothing.residual - fit.residual, fit.slopes)
-            place = _strength(candidate)
-            options.append(Excitation(kind, candidate.parameters[place], place, end, snr, change, slopes))
-        found[kind] = max(options, key=lambda option: option.snr)
+            kind, place = candidate.kinds[0], _strength(candidate)
+            if kind not in found or snr > found[kind].snr:
+                found[kind] = Excitation(kind, candidate.parameters[place], place, end, snr, change, slopes)
     return found
 
 

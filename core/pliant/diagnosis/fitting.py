@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.errors import UserError
+from pliant.errors import ImpossibleEffectError, UserError
 from pliant.evidence.places import Residuals, padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -178,6 +178,11 @@ class EffectFit:
         return square if np.isfinite(square) else np.inf
 
 
+def reason_of(error: UserError) -> str:
+    """Why an effect is left out, without its plugin's advice on a study."""
+    return error.reason if isinstance(error, ImpossibleEffectError) else str(error)
+
+
 class Fitter:
     """Fits candidates to one measurement; `weights` (N,) leave readings out of the cost but not of the run."""
 
@@ -204,10 +209,27 @@ class Fitter:
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
         """`fit` with these arguments as one item of a `JobQueue`; raises `UserError` where the code is another."""
+        self._check_code()
+        return self.fit(*asked)
+
+    def look_from(self, asked: tuple[EffectSet, Array, int]) -> EffectFit:
+        """`look` with these arguments, in the same way."""
+        self._check_code()
+        return self.look(*asked)
+
+    def refusal_from(self, asked: tuple[EffectSet, Array]) -> str:
+        """Why this chain cannot have a candidate, in the plugin's words, in the same way; empty where it can."""
+        self._check_code()
+        try:
+            self.look(*asked)
+        except UserError as error:
+            return reason_of(error)
+        return ""
+
+    def _check_code(self) -> None:
         modules, code = self.code
         if code and code_of(modules) != code:
             raise other_version("")
-        return self.fit(*asked)
 
     def fit(
         self,
@@ -353,94 +375,6 @@ class _ReadingMisfit:
     def slopes(self, point: Point) -> Array | None:
         """Those of the point, which has them."""
         return point.slopes
-
-
-# A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
-LEAST_LEFT = 0.02
-
-
-def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None) -> Array:
-    """(N,) residual of each reading with the readings of its group left out.
-
-    Args:
-        fit: at its optimum.
-        groups: (N,) number of each reading's group.
-        plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
-            known at all, as for the only warm runs when softening with temperature is fitted.
-
-    Of a fit without an equilibrium at any start, NaN.
-    """
-    if fit.slopes.shape[1] == 0:
-        return fit.residual
-    if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
-        return np.full_like(fit.residual, np.nan)
-    low, high = fit.candidate.limits()
-    pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
-    prior = np.diag(pull)
-    whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
-    spared = _spared(whole, pull, np.array([parameter.is_form for parameter in fit.candidate.parameters]))
-    left = fit.residual.copy()
-    order = np.argsort(groups, kind="stable")
-    for mine in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
-        slopes, residual = fit.slopes[mine], fit.residual[mine]
-        normal = whole - slopes.T @ slopes
-        known = np.linalg.solve(whole + prior, normal + spared)
-        if plain is not None and np.linalg.eigvals(known).real.min() < LEAST_LEFT:
-            left[mine] = plain[mine]
-            continue
-        right = pulled - slopes.T @ residual - pull * fit.x
-        left[mine] -= slopes @ _bounded(normal + prior, right, low - fit.x, high - fit.x)
-    return left
-
-
-def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:
-    """(k, k) the prior's weights of what nobody misses: forms, which are plain where they are not known, and directions
-    of which all readings together know less than the prior, such as a second time constant that ended at zero.
-    """
-    scale = np.sqrt(pull)
-    known, directions = np.linalg.eigh(whole / np.outer(scale, scale))
-    idle = directions[:, known < 1.0]
-    rest = np.eye(len(pull)) - idle @ idle.T
-    spared = idle @ idle.T + (rest * forms) @ rest
-    return np.asarray(spared * np.outer(scale, scale), float)
-
-
-# A run by itself is left out in blocks: so many, dealt out to so many folds.
-BLOCKS, FOLDS = 24, 6
-
-
-def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
-    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
-    block = np.empty(len(readings), np.intp)
-    for run in range(readings.n_runs):
-        for output in range(len(readings.outputs)):
-            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
-            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
-    return block
-
-
-def _bounded(normal: Array, right: Array, low: Array, high: Array) -> Array:
-    """(k,) the least of ½ mᵀ A m − bᵀ m within bounds: where one parameter stands at its bound, the others follow."""
-    move = np.linalg.solve(normal, right)
-    if np.all((move >= low) & (move <= high)):
-        return np.asarray(move, float)
-    from scipy.optimize import lsq_linear  # takes a moment to import
-
-    root = np.linalg.cholesky(normal)
-    goal, found = np.linalg.solve(root, right), np.zeros(len(right))
-    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-    free = low < high  # what is held has no room
-    if free.any():
-        found[free] = lsq_linear(root.T[:, free], goal, (low[free], high[free]), method="bvls").x
-    return np.asarray(found, float)
-
-
-def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-    """(runs,) number of the condition of each run: repeats share one."""
-    condition = np.arange(n_runs)
-    for group in repeats:
-        condition[list(group)] = min(group)
-    return condition.astype(np.intp)
 
 
 # An output without any floor is weighed by this share of its range.

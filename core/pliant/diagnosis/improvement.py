@@ -24,10 +24,11 @@ from pliant.diagnosis.bands import bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.evidence_table import Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import blocks_of, condition_of_runs, score
+from pliant.diagnosis.fitting import score
 from pliant.diagnosis.learned_term import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
+from pliant.diagnosis.left_out import blocks_of, condition_of_runs
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import (

@@ -32,14 +32,8 @@ from pliant.diagnosis.evidence_table import (
     sorted_kinds,
 )
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import (
-    MOST_LOST,
-    EffectFit,
-    Fitter,
-    ReadingVector,
-    condition_of_runs,
-    heldout_residual,
-)
+from pliant.diagnosis.fitting import MOST_LOST, EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue
@@ -167,6 +161,7 @@ class HypothesisSearch:
     def __post_init__(self) -> None:
         self.groups: tuple[RepeatGroup, ...] = repeat_groups(self.measurement)
         repeats = [group.runs for group in self.groups]
+        self._noise: tuple[EffectFit, NoiseView] | None = None
         self.condition = condition_of_runs(len(self.measurement.runs), repeats)
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
@@ -187,9 +182,12 @@ class HypothesisSearch:
         return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings), shares)
 
     def noise(self, fit: EffectFit) -> NoiseView:
-        """Noise as the residuals of a fit show it."""
-        residuals = self.readings.unpack(fit.residual)
-        return noise_view(self.measurement, residuals, self.readings.scales, self.groups)
+        """Noise as the residuals of a fit show it; that of the last one is kept, for the best fit is often the same."""
+        if self._noise is None or self._noise[0] is not fit:
+            residuals = self.readings.unpack(fit.residual)
+            found = noise_view(self.measurement, residuals, self.readings.scales, self.groups)
+            self._noise = fit, found
+        return self._noise[1]
 
     def _grow(self, directions: Directions, n_kinds: int) -> None:
         """Sets of two and more effects, while the best of a size is better than what is smaller and may be bettered."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.diagnosis.fitting import condition_of_runs
+from pliant.diagnosis.left_out import condition_of_runs
 from pliant.formatting import plural
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
-from pliant.diagnosis.fitting import BLOCKS, blocks_of, heldout_residual
+from pliant.diagnosis.left_out import BLOCKS, blocks_of, heldout_residual
 from pliant.evidence.places import Residuals
 from pliant.records.design import Array
 

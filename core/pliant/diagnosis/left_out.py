@@ -1,0 +1,109 @@
+"""Errors on readings that a fit has not seen: runs, conditions or blocks left out of it, one after another."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.diagnosis.fitting import EffectFit, ReadingVector
+from pliant.records.design import Array
+
+# A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
+LEAST_LEFT = 0.02
+
+
+def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None) -> Array:
+    """(N,) residual of each reading with the readings of its group left out.
+
+    Args:
+        fit: at its optimum.
+        groups: (N,) number of each reading's group.
+        plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
+            known at all, as for the only warm runs when softening with temperature is fitted.
+
+    Of a fit without an equilibrium at any start, NaN.
+    """
+    if fit.slopes.shape[1] == 0:
+        return fit.residual
+    if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
+        return np.full_like(fit.residual, np.nan)
+    low, high = fit.candidate.limits()
+    pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
+    prior = np.diag(pull)
+    whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
+    spared = _spared(whole, pull, np.array([parameter.is_form for parameter in fit.candidate.parameters]))
+    left = fit.residual.copy()
+    order = np.argsort(groups, kind="stable")
+    members = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+    normals = whole - np.array([fit.slopes[mine].T @ fit.slopes[mine] for mine in members])
+    if plain is not None:
+        known = np.linalg.solve(whole + prior, normals + spared)
+        lost = np.linalg.eigvals(known).real.min(axis=1) < LEAST_LEFT
+        for mine in itertools.compress(members, lost):
+            left[mine] = plain[mine]
+        members, normals = list(itertools.compress(members, ~lost)), normals[~lost]
+    rights = np.array([pulled - fit.slopes[mine].T @ fit.residual[mine] - pull * fit.x for mine in members])
+    moves = _bounded(normals + prior, rights, low - fit.x, high - fit.x)
+    for mine, move in zip(members, moves, strict=True):
+        left[mine] -= fit.slopes[mine] @ move
+    return left
+
+
+def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:
+    """(k, k) the prior's weights of what nobody misses: forms, which are plain where they are not known, and directions
+    of which all readings together know less than the prior, such as a second time constant that ended at zero.
+    """
+    scale = np.sqrt(pull)
+    known, directions = np.linalg.eigh(whole / np.outer(scale, scale))
+    idle = directions[:, known < 1.0]
+    rest = np.eye(len(pull)) - idle @ idle.T
+    spared = idle @ idle.T + (rest * forms) @ rest
+    return np.asarray(spared * np.outer(scale, scale), float)
+
+
+# A run by itself is left out in blocks: so many, dealt out to so many folds.
+BLOCKS, FOLDS = 24, 6
+
+
+def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
+    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
+    block = np.empty(len(readings), np.intp)
+    for run in range(readings.n_runs):
+        for output in range(len(readings.outputs)):
+            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
+            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
+    return block
+
+
+def _bounded(normals: Array, rights: Array, low: Array, high: Array) -> Array:
+    """(G, k) the least of ½ mᵀ A m − bᵀ m within bounds, for each A (G, k, k) and b: where one parameter stands at its
+    bound, the others follow.
+    """
+    if not len(rights):
+        return rights
+    moves = np.asarray(np.linalg.solve(normals, rights[:, :, None])[:, :, 0], float)
+    for k in np.flatnonzero(~np.all((moves >= low) & (moves <= high), axis=1)):
+        moves[k] = _at_bounds(normals[k], rights[k], np.minimum(low, 0.0), np.maximum(high, 0.0))
+    return moves
+
+
+def _at_bounds(normal: Array, right: Array, low: Array, high: Array) -> Array:
+    from scipy.optimize import lsq_linear  # takes a moment to import
+
+    root = np.linalg.cholesky(normal)
+    goal, found = np.linalg.solve(root, right), np.zeros(len(right))
+    free = low < high  # what is held has no room
+    if free.any():
+        found[free] = lsq_linear(root.T[:, free], goal, (low[free], high[free]), method="bvls").x
+    return np.asarray(found, float)
+
+
+def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
+    """(runs,) number of the condition of each run: repeats share one."""
+    condition = np.arange(n_runs)
+    for group in repeats:
+        condition[list(group)] = min(group)
+    return condition.astype(np.intp)
