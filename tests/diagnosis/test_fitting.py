@@ -24,7 +24,7 @@ from tests.diagnosis.quick import (
 from pliant.diagnosis import fitting
 from pliant.diagnosis.candidates import PRIOR_WEIGHT, EffectSet
 from pliant.diagnosis.fitting import EffectFit, Fitter
-from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
+from pliant.diagnosis.left_out import _bounded, condition_of_runs, heldout_residual
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()
@@ -252,3 +252,16 @@ def test_a_fit_without_an_equilibrium_has_no_left_out_error() -> None:
     found, _, y, groups = linear(0)
     lost = replace(found, residual=np.full_like(y, np.nan), slopes=np.full_like(found.slopes, np.nan))
     assert np.isnan(heldout_residual(lost, groups, y)).all()
+
+
+def test_within_bounds_a_direction_that_rounding_took_below_zero_is_none():
+    """Readings of a tiny range: what is known of a direction may come out as −10⁻¹⁷ of what is known of another."""
+    known = np.array([[[2.0, 0.0], [0.0, -1e-17]], [[2.0, 0.5], [0.5, 1.0]]])
+    moves = _bounded(
+        known, np.array([[1.0, 1e-16], [1.0, 3.0]]), np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    )
+    np.testing.assert_allclose(moves[0][0], 0.5, rtol=1e-12)
+    assert abs(moves[0][1]) <= 1.0
+    np.testing.assert_allclose(
+        moves[1], [0.25, 1.0], rtol=1e-12
+    )  # the second at its bound, the first follows

@@ -20,6 +20,7 @@ from pliant.diagnosis.evidence_table import (
     probabilities,
 )
 from pliant.evidence.excess import Excess
+from pliant.formatting import plural
 
 # The one sentence of each verdict, on measurements and on counts: where the error of the model as it is is small, and
 # where it is clearly above the noise (`Judgement.small`). `reasons` beside it say more where there is more.
@@ -160,9 +161,7 @@ def _verdict(
 ) -> tuple[Verdict, tuple[str, ...]]:
     noise = table.noise
     if table.n_readings < thresholds.fewest:
-        return "insufficient_data", (
-            f"There are {table.n_readings} readings; no verdict can rest on so few.",
-        )
+        return "insufficient_data", (f"No verdict can rest on {plural(table.n_readings, 'reading')}.",)
     if noise.between_run_scatter > thresholds.between_run_scatter:
         return "not_repeatable", (
             f"Runs with the same inputs scatter {noise.between_run_scatter:.1f} times as much as readings within a "

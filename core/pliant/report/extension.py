@@ -10,7 +10,7 @@ from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.steps import change_in_words
-from pliant.formatting import listed, number, unit_of
+from pliant.formatting import listed, number, plural, unit_of
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
@@ -25,6 +25,10 @@ def extension_document(
     """The document of `pliant extend`; `remarks` are what limits the model, in sentences."""
     notes = [*measurement.remarks, *remarks]
     doubts = doubtful(found.uncertainty)
+    n, k = found.after.n, len(found.fit.x)
+    if n <= k:
+        few = f"{plural(n, 'reading')} for {plural(k, 'parameter')}: any model fits so few, and nothing tests this one."
+        doubts.append(few)
     if not found.fit.converged:
         doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
     if not found.noise.judged:
