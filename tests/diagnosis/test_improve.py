@@ -108,6 +108,7 @@ def test_a_clean_bench_takes_no_step(tmp_path):
     assert "No effect was added" in summary(found)
 
 
+@pytest.mark.pixels
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("hidden", [(), (effect("stiffness", factor=1.2),)])
 def test_readings_of_a_simulator_without_any_noise(tmp_path, hidden):
