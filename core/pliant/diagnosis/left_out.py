@@ -14,7 +14,7 @@ from pliant.records.design import Array
 # A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
 LEAST_LEFT = 0.02
 # Below this share of the largest a direction of what is known is rounding.
-LEAST_SQUARE = 1e-14
+ROUNDING = 1e-14
 
 
 def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None) -> Array:
@@ -96,7 +96,7 @@ def _at_bounds(normal: Array, right: Array, low: Array, high: Array) -> Array:
     from scipy.optimize import lsq_linear  # takes a moment to import
 
     squares, axes = np.linalg.eigh(normal)
-    sizes = np.sqrt(np.maximum(squares, LEAST_SQUARE * squares[-1]))  # rounding may leave a square below zero
+    sizes = np.sqrt(np.maximum(squares, ROUNDING * squares[-1]))  # rounding may leave a square below zero
     root, goal, found = sizes[:, None] * axes.T, axes.T @ right / sizes, np.zeros(len(right))
     free = low < high  # what is held has no room
     if free.any():

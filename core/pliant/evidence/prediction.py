@@ -253,11 +253,10 @@ class Predictor:
         """At every step; closed valves first, for they hold what a sample commanded. The measured runs' are kept."""
         if parts == 1:
             return histories
-        if histories is not self._histories:
-            return [held(history).refined(parts) for history in histories]
-        if parts not in self._finer:
-            self._finer[parts] = [held(history).refined(parts) for history in histories]
-        return self._finer[parts]
+        kept = self._finer if histories is self._histories else {}
+        if parts not in kept:
+            kept[parts] = [held(history).refined(parts) for history in histories]
+        return kept[parts]
 
     def __getstate__(self) -> dict[str, object]:
         """As it is copied or travels to a worker: what can be made again stays."""

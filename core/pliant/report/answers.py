@@ -121,7 +121,9 @@ def improvement_answers(found: Improvement) -> Answers:
         else f"{found.scored_on}; no run was put aside"
     )
     after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
-    sure = f"{f'± {number(found.steps[-1].locked_se, 2)} times the noise, on' if judged else 'On'} {where}"
+    sure = (
+        f"± {number(found.steps[-1].locked_se, 2)} times the noise, on {where}" if judged else f"On {where}"
+    )
     return answers(good, missing, sure, proposed(found.next_run) or after)
 
 

@@ -121,8 +121,8 @@ def summary(found: Improvement) -> str:
     first, last = found.steps[0].locked, found.steps[-1].locked
     on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
-        ratio = number(first.over_floor, 3)
-        size = f"{ratio} times the noise" if ratio != "–" else errors_text(first.rmse, {})
+        judged = np.isfinite(first.over_floor)
+        size = f"{number(first.over_floor, 3)} times the noise" if judged else errors_text(first.rmse, {})
         return f"No effect was added: the error on {on} is {size}."
     kinds = listed([step.named for step in found.steps if step.added])
     verb = "falls" if last.over_floor < first.over_floor else "goes"
