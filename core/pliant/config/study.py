@@ -26,7 +26,7 @@ from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.registry.discovery import Registry
-from pliant.units import strip_unit_suffix
+from pliant.units import Ratio, strip_unit_suffix
 
 SWEPT_BLOCKS = ("family", "material")
 RANGE = {"low", "high", "count"}
@@ -131,6 +131,13 @@ class Study(FrozenModel):
     fem: FemConfig | None = Field(None, description="which states are solved, and by what")
     surrogate: SurrogateConfig | None = Field(
         None, description="how data become a law; polynomial by default"
+    )
+    law_error: Ratio | None = Field(
+        None,
+        gt=0,
+        le=0.5,
+        description="how far the joint laws may be off from the real module, as a share of their torque range: "
+        "'1 %'; without it a diagnosis assumes 0.3 to 3 %",
     )
     chain: ChainConfig | None = Field(None, description="how modules become a robot")
     physics: PhysicsConfig | None = Field(None, description="the engine; quasistatic by default")

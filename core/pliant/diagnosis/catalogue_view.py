@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import SHARE_OF_RANGE, STEP, ReadingVector
+from pliant.diagnosis.fitting import SHARE_OF_RANGE, STEP, LawReference, ReadingVector, law_columns
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
@@ -40,6 +40,7 @@ class CatalogueView:
         readings: places of their readings and the noise of each output; the values are zeros.
         worth: (M,) independent readings that each reading stands for.
         place: (M,) index of the menu's run that each reading belongs to.
+        law_columns: (M, m) what the coefficients of the law's own error change; (M, 0) where it has none.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -47,6 +48,7 @@ class CatalogueView:
     readings: ReadingVector
     worth: Array
     place: NDArray[np.intp]
+    law_columns: Array
 
     @staticmethod
     def of(
@@ -77,7 +79,15 @@ class CatalogueView:
             readings,
             np.array([worth[r][t] for r, t in zip(readings.run, where, strict=True)]),
             readings.run // 2,
+            np.zeros((len(readings), 0)),
         )
+
+    def with_law_error(self, law: LawReference | None) -> CatalogueView:
+        """Return the view with what the law's own error, as fits have it, may change in the menu."""
+        if law is None:
+            return self
+        columns = law_columns(self.predictor, self.readings, (), law.basis)
+        return self if columns is None else replace(self, law_columns=columns)
 
     def look(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
         """Readings that the candidate predicts at x, and their slopes."""

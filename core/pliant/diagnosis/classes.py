@@ -18,7 +18,7 @@ import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView
-from pliant.diagnosis.evidence_table import THRESHOLDS, Kinds
+from pliant.diagnosis.evidence_table import LAW, THRESHOLDS, Kinds
 from pliant.diagnosis.excitation import (
     SEPARABLE,
     TYPICAL_SNR,
@@ -28,7 +28,7 @@ from pliant.diagnosis.excitation import (
     confounded_with,
     excitations,
 )
-from pliant.diagnosis.fitting import SHARE_OF_RANGE, Fitter
+from pliant.diagnosis.fitting import SHARE_OF_RANGE, Fitter, LawReference
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
@@ -57,14 +57,18 @@ class EffectClass:
     parts: tuple[Kinds, ...] = ()
 
 
-def classes_of(found: Mapping[str, Excitation], n_effective: float) -> tuple[Kinds, ...]:
-    """Classes of two or more effects, the largest first.
+def classes_of(
+    found: Mapping[str, Excitation], n_effective: float, law: LawReference | None = None
+) -> tuple[Kinds, ...]:
+    """Classes of two or more effects, the largest first; with `law`, the law's own shape may be one of them (`LAW`).
 
     Args:
         found: every excited effect at the far end of its plausible range under these runs.
         n_effective: independent readings of these runs.
+        law: the law's own error, where it is part of every hypothesis.
     """
-    return connected(found, confounded_with(found, {}, n_effective))
+    kinds = [*found, *([] if law is None else [LAW])]
+    return connected(kinds, confounded_with(found, {}, n_effective, law))
 
 
 def connected(kinds: Iterable[str], pairs: Sequence[ConfoundedPair]) -> tuple[Kinds, ...]:
@@ -90,8 +94,9 @@ class Overlaps:
     """Sums of products of what effects change, and of their slopes, over independent readings.
 
     Attributes:
-        columns: for each kind the place of its change and those of its slopes in `whole`.
-        measured: (c, c) of the runs that were measured; zeros without any.
+        columns: for each kind the place of its change and those of its slopes in `whole`; those of the law's own
+            error as `LAW`, where there is one.
+        measured: (c, c) of the runs that were measured, and of the prior of the law's error; zeros without any.
         of_run: (c, c) of each run of the menu.
         readings: independent readings that were measured, and of each run of the menu.
     """
@@ -107,19 +112,29 @@ class Overlaps:
         changes: Mapping[str, CataloguePrediction],
         found: Mapping[str, Excitation] | None = None,
         n_effective: float = 0.0,
+        law: LawReference | None = None,
     ) -> Overlaps:
         """Of these changes in the menu, and of the excitations under the measured runs where they are given."""
         columns, at = {}, 0
         for kind, look in changes.items():
             columns[kind] = tuple(range(at, at + 1 + look.slopes.shape[1]))
             at += 1 + look.slopes.shape[1]
-        table = np.column_stack([np.column_stack([look.values, look.slopes]) for look in changes.values()])
+        pieces = [np.column_stack([look.values, look.slopes]) for look in changes.values()]
+        if law is not None:
+            columns[LAW] = tuple(range(at, at + view.law_columns.shape[1]))
+            at += view.law_columns.shape[1]
+            pieces.append(view.law_columns)
+        table = np.column_stack(pieces)
         rows = [view.rows([k]) for k in range(len(view.runs))]
         of_run = tuple((table[r] * view.worth[r, None]).T @ table[r] for r in rows)
         measured = np.zeros((at, at))
         if found is not None:
-            old = np.column_stack([np.column_stack([found[k].change, found[k].slopes]) for k in changes])
+            before = [np.column_stack([found[k].change, found[k].slopes]) for k in changes]
+            old = np.column_stack([*before, *([] if law is None else [law.columns])])
             measured = n_effective / len(old) * old.T @ old
+        if law is not None:
+            prior = list(columns[LAW])
+            measured[prior, prior] += 1.0 / law.prior.large**2
         worth = tuple(float(view.worth[r].sum()) for r in rows)
         return Overlaps(columns, measured, of_run, (n_effective, worth))
 
@@ -130,13 +145,15 @@ class Overlaps:
         """
         whole = self.measured + sum((self.of_run[k] for k in chosen), np.zeros_like(self.measured))
         n = self.readings[0] + sum(self.readings[1][k] for k in chosen)
-        apart = self._apart(whole, n, kinds)
+        real = [kind for kind in kinds if kind != LAW]
+        apart = self._apart(whole, n, real)
         alike = [
             ConfoundedPair(a, b, 0.0)
-            for i, a in enumerate(kinds)
-            for j, b in enumerate(kinds)
+            for i, a in enumerate(real)
+            for j, b in enumerate([*real, *([LAW] if LAW in kinds else [])])
             if i != j and apart[i, j] < SEPARABLE
         ]
+        alike += [ConfoundedPair(LAW, pair.a, 0.0) for pair in alike if pair.b == LAW]
         joined = connected(kinds, alike)
         alone = [(kind,) for kind in sorted(kinds) if not any(kind in part for part in joined)]
         return (*joined, *alone)
@@ -147,12 +164,19 @@ class Overlaps:
         return float(np.sqrt(self.of_run[run][change, change] / max(self.readings[1][run], 1e-12)))
 
     def _apart(self, whole: Array, n: float, kinds: Sequence[str]) -> Array:
-        """(k, k) n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate."""
+        """(k, k) n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate.
+
+        (k, k + 1) where the law has an error of its own: it may be beside either, and the last column is what it
+        cannot imitate alone.
+        """
         changes = [self.columns[kind][0] for kind in kinds]
         squares = np.diag(whole)[changes]
-        left = np.repeat(squares[:, None], len(kinds), axis=1)
-        for j, kind in enumerate(kinds):
-            basis = [k for k in self.columns[kind] if whole[k, k] > 0.0]
+        nuisance = self.columns.get(LAW, ())
+        imitators = [(*self.columns[kind], *nuisance) for kind in kinds]
+        imitators += [nuisance] if nuisance else []
+        left = np.repeat(squares[:, None], len(imitators), axis=1)
+        for j, places in enumerate(imitators):
+            basis = [k for k in places if whole[k, k] > 0.0]
             if not basis:
                 continue
             size = np.sqrt(np.diag(whole)[basis])
@@ -172,6 +196,7 @@ def split_classes(
     found: Mapping[str, Excitation],
     n_effective: float,
     left: Sequence[Kinds] | None = None,
+    law: LawReference | None = None,
 ) -> tuple[EffectClass, ...]:
     """Each class with the run of the menu that splits it into the most parts; the shortest of equals.
 
@@ -181,15 +206,16 @@ def split_classes(
         found, n_effective: as for `classes_of`.
         left: explanations that are left; a class that has no effect of them is stated without a run, for the menu
             takes time. All classes get theirs by default.
+        law: the law's own error, where it is part of every hypothesis.
     """
-    classes = classes_of(found, n_effective)
+    classes = classes_of(found, n_effective, law)
     open_kinds = {kind for explanation in left for kind in explanation} if left is not None else set(found)
     asked = [one for one in classes if open_kinds & set(one)]
-    kinds = sorted({kind for one in asked for kind in one})
+    kinds = sorted({kind for one in asked for kind in one} - {LAW})
     if not kinds:
         return tuple(EffectClass(one, parts=(one,)) for one in classes)
     changes = catalogue_changes(registry, view, {kind: found[kind] for kind in kinds})
-    overlaps = Overlaps.of(view, changes, found, n_effective)
+    overlaps = Overlaps.of(view, changes, found, n_effective, law)
     return tuple(
         _split(one, view, overlaps) if one in asked else EffectClass(one, parts=(one,)) for one in classes
     )

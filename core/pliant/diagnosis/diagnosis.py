@@ -34,11 +34,13 @@ from pliant.diagnosis.excitation import (
     not_excited,
 )
 from pliant.diagnosis.fitting import SHARE_OF_RANGE, EffectFit, Fitter, ReadingVector, readings_over_floor
+from pliant.diagnosis.law_discrepancy import LawErrorPrior, prior_of
+from pliant.diagnosis.law_off import LawOff, law_off
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import offer
 from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
-from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, Verdict, judge
@@ -86,6 +88,7 @@ class Diagnosis:
         not_tried: candidates that could not be judged, and why, in sentences; `remarks` holds them, too.
         explained: the hypothesis whose residual `depends_on` describes.
         learned: what describes the error better than nothing where no listed effect explains it.
+        law_off: the error of the law beside the most probable listed hypothesis; None where the readings show none.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
@@ -109,6 +112,7 @@ class Diagnosis:
     excitations: Mapping[str, Excitation]
     wall_s: float
     learned: LearnedTerm | None = None
+    law_off: LawOff | None = None
 
     @property
     def scales(self) -> Mapping[str, float]:
@@ -124,12 +128,15 @@ class Diagnosis:
 
     def left_out_ratio(self, kinds: Kinds) -> float:
         """RMS error on runs left out of the fit over the floor; that of the noise for an effect outside the list."""
-        square = self.noise.floor_square if kinds == UNKNOWN else self.table.rows[kinds].heldout_square
-        return self.table.over_floor(square)
+        if kinds == UNKNOWN:
+            return self.table.over_floor(self.noise.floor_square)
+        row = self.table.rows[kinds]
+        return self.table.over_floor(row.heldout_square if kinds else row.as_it_is)
 
     def left_out_errors(self, kinds: Kinds) -> dict[str, float]:
         """RMS error of each output on runs left out of the fit, SI."""
-        left = heldout_residual(self.fits[kinds], self.readings.fold, self.fits[NOTHING].residual)
+        plain = self.fits[NOTHING].raw
+        left = heldout_residual(self.fits[kinds], self.readings.fold, plain) if kinds else plain
         return {
             name: float(np.sqrt(np.mean(left[self.readings.output == k] ** 2))) * self.scales[name]
             for k, name in enumerate(self.readings.outputs)
@@ -144,6 +151,7 @@ def diagnose(
     runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
     workers: Workers = 1,
+    law_prior: LawErrorPrior | None = None,
 ) -> Diagnosis:
     """Fit every candidate, weigh them, and say what can be said.
 
@@ -154,6 +162,7 @@ def diagnose(
         runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: who fits hypotheses: processes, the scheduler of a dask cluster, an executor.
+        law_prior: how far the laws may be off; what the study states by default.
 
     Raises:
         UserError: an unknown kind, or no reading can be used.
@@ -171,6 +180,11 @@ def diagnose(
     readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
     nothing = fitter.fit(EffectSet.of(registry, NOTHING))
+    seen = noise_view(
+        measurement, readings.unpack(nothing.residual), readings.scales, repeat_groups(measurement)
+    )
+    law_prior = law_prior or prior_of(predictor.law_error)
+    fitter = fitter.with_law_error(nothing, law_prior, seen.n_effective)
     threads = own_threads() if predictor.backend.capabilities.threads else 1
     with executor_for(workers, threads=threads) as executor:
         if executor.remote:
@@ -192,8 +206,12 @@ def diagnose(
         for kind in chosen
         if not np.all(np.isfinite(search.fits[(kind,)].residual))
     ]
-    judgement = judge(table, thresholds, len(chosen) - len(silent))
+    bare = fitter.law and law_off(predictor, measurement, readings, fitter.law.basis, search.fits[NOTHING])
+    judgement = judge(table, thresholds, len(chosen) - len(silent), f" {bare.words}" if bare else "")
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
+    off = None
+    if fitter.law is not None and table.law_is_off(explained):
+        off = law_off(predictor, measurement, readings, fitter.law.basis, search.fits[explained])
     noiseless = Remark(
         f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range.",
         Rank.FLOOR,
@@ -201,7 +219,7 @@ def diagnose(
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
-    view = view_of(predictor, readings.scales, n, runs)
+    view = view_of(predictor, readings.scales, n, runs).with_law_error(fitter.law)
     belief = Belief.of(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
@@ -213,8 +231,8 @@ def diagnose(
         readings=readings,
         noise=table.noise,
         not_excited=_ways_to_excite(view, registry, shown, silent),
-        indistinguishable=confounded_with(shown, search.fits, n),
-        classes=split_classes(registry, view, excited, n, judgement.credible),
+        indistinguishable=confounded_with(shown, search.fits, n, fitter.law),
+        classes=split_classes(registry, view, excited, n, judgement.credible, fitter.law),
         detectable=detectable(shown, n, thresholds),
         depends_on=importance(residuals, found, dict(readings.scales)),
         circumstances={item.name: item.shown.label for item in found.items},
@@ -236,6 +254,7 @@ def diagnose(
         excitations=shown,
         learned=_learned(predictor, readings, table) if judgement.verdict == "unknown_effect" else None,
         wall_s=time.perf_counter() - started,
+        law_off=off,
     )
 
 

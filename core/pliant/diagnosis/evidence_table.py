@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.diagnosis.candidates import NINETY
 from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.noise import NoiseView
 from pliant.evidence.excess import Excess
@@ -15,6 +16,8 @@ from pliant.records.design import Array
 Kinds = tuple[str, ...]
 NOTHING: Kinds = ()
 UNKNOWN: Kinds = ("unknown",)
+# The law's own shape as a member of a class of look-alikes.
+LAW = "law"
 # Rise of the error on conditions left out that is still rounding and noise.
 UNSEEN_RISE = 1.03
 
@@ -33,6 +36,9 @@ class Row:
         unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
         at_limit: names of parameters that ended on a bound.
         form_price: log-odds that forms cost which vary; 0 for the plain ones.
+        law_price: log-odds that the law's own error costs beside these effects.
+        raw_square: S with the law as it is.
+        prior_price: log-odds that values outside their plausible ranges cost.
     """
 
     kinds: Kinds
@@ -44,16 +50,46 @@ class Row:
     at_limit: tuple[str, ...]
     form_price: float = 0.0
     squares: tuple[float, ...] = ()
+    law_price: float = 0.0
+    raw_square: float = np.nan
+    prior_price: float = 0.0
+
+    @property
+    def before_law_error(self) -> float:
+        """The mean square with the law as it is."""
+        return self.raw_square if np.isfinite(self.raw_square) else self.mean_square
+
+    @property
+    def explained_by_law(self) -> float:
+        """What the law's own error takes off the mean square."""
+        return max(self.raw_square - self.mean_square, 0.0) if np.isfinite(self.raw_square) else 0.0
+
+    @property
+    def as_it_is(self) -> float:
+        """The mean square on runs left out with the law as it is, where the law's own error is part of the row."""
+        return (
+            max(self.raw_square, self.heldout_square) if np.isfinite(self.raw_square) else self.heldout_square
+        )
 
 
 @dataclass(frozen=True)
 class EvidenceTable:
-    """All rows, and the noise that they are weighed against; `shares`: of each condition in all readings."""
+    """All rows, and the noise that they are weighed against.
+
+    Attributes:
+        shares: of each condition in all readings.
+        has_law_error: the law's own error is part of every hypothesis.
+    """
 
     rows: Mapping[Kinds, Row]
     noise: NoiseView
     n_readings: int
     shares: tuple[float, ...] = ()
+    has_law_error: bool = False
+
+    def law_allowance(self, thresholds: EvidenceThresholds) -> float:
+        """Return the mean square that a law which is slightly off may leave, and that no effect is paid for."""
+        return (thresholds.beside_law_error if self.has_law_error else thresholds.excited) ** 2
 
     @property
     def nothing(self) -> Row:
@@ -64,6 +100,16 @@ class EvidenceTable:
     def n_candidates(self) -> int:
         """Effects that were fitted by themselves."""
         return sum(len(kinds) == 1 for kinds in self.rows)
+
+    def law_is_off(self, kinds: Kinds) -> bool:
+        """Whether beside these effects the readings show an error of the law, beyond doubt."""
+        row = self.rows[kinds]
+        if not (self.has_law_error and np.isfinite(row.mean_square) and row.raw_square > row.mean_square):
+            return False
+        n = max(self.noise.n_effective, 2.0)
+        squares = (max(square, LEAST_SQUARE) for square in (row.raw_square, row.mean_square))
+        before, after = squares
+        return bool(0.5 * n * np.log(before / after) - row.law_price > LAW_IS_OFF)
 
     def over_floor(self, square: float) -> float:
         """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
@@ -99,6 +145,11 @@ class EvidenceThresholds:
             or a form that is not quite ours.
         excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
             that an effect is paid only for what it explains beyond that.
+        beside_law_error: the same where the law's own error is part of every hypothesis: what its smooth form leaves.
+        reversed_gain: log-odds that a further effect loses at most for explaining nothing but what smaller sets may
+            leave by themselves.
+        law_form_tolerance: share of what the law's own error explains that may be left over because it is taken to
+            first order.
     """
 
     effect: float = 2.1
@@ -113,6 +164,9 @@ class EvidenceThresholds:
     drift: float = 0.3
     fewest: float = 12.0
     excited: float = 0.3
+    beside_law_error: float = 0.2
+    law_form_tolerance: float = 0.0025
+    reversed_gain: float = 6.0
 
     def price(self, effects: int, n_candidates: int) -> float:
         """What so many effects cost together when so many are tried."""
@@ -122,6 +176,10 @@ class EvidenceThresholds:
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
+# Excess over the noise's square at which an effect outside the list is as likely as the hypothesis that leaves it.
+OUTSIDE = 5.0
+# Log-odds of an error of the law from which it is stated as one.
+LAW_IS_OFF = 6.0
 # Share of that tolerance where forms vary: they have taken up the rest.
 BENT_SHARE = 0.2
 # Half the number of independent ways in which a form may be wrong.
@@ -138,17 +196,45 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     n = max(table.noise.n_effective, 2.0)
     found = {}
     for kinds, row in table.rows.items():
-        square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
+        square = max(row.mean_square, LEAST_SQUARE)
         price = thresholds.price(len(kinds), table.n_candidates)
-        paid = 0.5 * row.n_parameters * np.log(n) + price + row.form_price
-        found[kinds] = -0.5 * n * np.log(square) - paid
+        paid = 0.5 * row.n_parameters * np.log(n) + price + row.form_price + row.law_price + row.prior_price
+        found[kinds] = -0.5 * n * np.log(square) - _unpaid(table, kinds, n, thresholds) - paid
     _pay_rivals(table, found, n, thresholds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
         square = table.noise.floor_square + left
-        found[UNKNOWN] = -0.5 * n * np.log(square) - thresholds.unknown
+        by_size = -0.5 * n * np.log(square) - thresholds.unknown
+        found[UNKNOWN] = max(by_size, found[best] + thresholds.temperature * _outside_odds(table, best))
     return found
+
+
+def _unpaid(table: EvidenceTable, kinds: Kinds, n: float, thresholds: EvidenceThresholds) -> float:
+    """Return log-evidence that is no merit of these effects: smaller hypotheses may leave as much by themselves.
+
+    It never takes more than `reversed_gain` beyond what would make the set as good as the best smaller one.
+    """
+    mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
+    lost = 0.5 * n * float(np.log((mine + _allowance(table, kinds, thresholds)) / mine))
+    smaller = [row.mean_square for key, row in table.rows.items() if len(key) < len(kinds)]
+    if not smaller or not np.isfinite(mine):
+        return lost
+    gained = 0.5 * n * float(np.log(max(min(smaller), mine) / mine))
+    return min(lost, gained + thresholds.reversed_gain)
+
+
+def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
+    """Return the log-odds of an effect outside the list against a hypothesis, by what that leaves above the noise.
+
+    With e the excess over the floor, in units of it and beyond two standard errors, the odds are (e / `OUTSIDE`)²: a
+    hypothesis that reaches the floor has none against it, one that leaves twice the noise has 1 : 3.
+    """
+    floor, n = table.noise.floor_square, max(table.noise.n_effective, 2.0)
+    if not floor > LEAST_SQUARE:
+        return -np.inf
+    excess = table.rows[kinds].mean_square / floor - 1.0 - 2.0 * float(np.sqrt(2.0 / n))
+    return 2.0 * float(np.log(excess / OUTSIDE)) if excess > 0.0 else -np.inf
 
 
 def _pay_rivals(
@@ -219,7 +305,7 @@ def _due_to_one(
 def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
     """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
-    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
+    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + table.law_allowance(thresholds)
 
 
 def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
@@ -263,15 +349,36 @@ def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
 
 
 def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
-    """Whether a further effect could pay its price if it reached the noise floor."""
+    """Whether a further effect could pay its price if it reached the noise floor, and with it the law were exact."""
     n = max(table.noise.n_effective, 2.0)
     now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
-    reach = max(floor + _left_over(table, kinds, thresholds), 1e-12)
-    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
+    reach = max(min(floor + _left_over(table, kinds, thresholds), now), 1e-12)
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach) + table.rows[kinds].law_price
     size = len(kinds)
     price = thresholds.price(size + 1, table.n_candidates) - thresholds.price(size, table.n_candidates)
     return bool(gain > price + 0.5 * np.log(n))
+
+
+# An implausible value costs so much at most.
+MOST_PRIOR_PRICE = 15.0
+
+
+def prior_price(fit: EffectFit) -> float:
+    """Return what values outside their plausible ranges cost, in log-odds.
+
+    Of a parameter whose plausible range holds 90 % of its prior, a normal one in x, ½ (z² − 1.645²) where |z| > 1.645.
+    """
+    price = 0.0
+    for parameter, x in zip(fit.candidate.parameters, fit.x, strict=True):
+        if parameter.is_form:
+            continue  # `form_price` holds its prior
+        low, high = parameter.plausible
+        if parameter.is_strength:
+            low, high = min(low, 0.0), max(high, 0.0)
+        z = 2.0 * NINETY * (float(x) - 0.5 * (low + high)) / max(high - low, 1e-300)
+        price += min(0.5 * max(z * z - NINETY * NINETY, 0.0), MOST_PRIOR_PRICE)
+    return price
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:
@@ -289,15 +396,17 @@ def _left_over(
     table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds, form: float | None = None
 ) -> float:
     """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
-    explained = table.nothing.mean_square - table.rows[kinds].mean_square
+    explained = table.nothing.before_law_error - table.rows[kinds].before_law_error
     varies = BENT_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
     tolerance = varies * thresholds.model_form_tolerance if form is None else form
-    return thresholds.excited**2 + tolerance * max(explained, 0.0)
+    by_law = table.rows[kinds].explained_by_law
+    off = thresholds.law_form_tolerance * (by_law if np.isfinite(by_law) else 0.0)
+    return table.law_allowance(thresholds) + off + tolerance * max(explained, 0.0)
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
     """What hypotheses with fewer effects may leave, the best of each size: no merit of any further effect."""
-    left = [thresholds.excited**2] if kinds else [0.0]
+    left = [table.law_allowance(thresholds)] if kinds else [0.0]
     for size in range(len(kinds)):
         smaller = [key for key in table.rows if len(key) == size]
         if smaller:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet, FitParameter
-from pliant.diagnosis.evidence_table import EvidenceThresholds, Kinds
-from pliant.diagnosis.fitting import EffectFit, Fitter, reason_of
+from pliant.diagnosis.evidence_table import LAW, EvidenceThresholds, Kinds
+from pliant.diagnosis.fitting import EffectFit, Fitter, LawReference, reason_of
+from pliant.diagnosis.law_discrepancy import Whitener
 from pliant.errors import UserError
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue
@@ -101,7 +102,7 @@ def excitations(
     with JobQueue(executor or InlineExecutor(), fitter.look_from) as queue:
         for (candidate, end, _), one in zip(asked, queue.each(asked), strict=True):
             fit = one.unwrap()
-            change, slopes, snr = _seen(nothing.residual - fit.residual, fit.slopes)
+            change, slopes, snr = _seen(nothing.raw - fit.raw, fit.slopes)
             kind, place = candidate.kinds[0], _strength(candidate)
             if kind not in found or snr > found[kind].snr:
                 found[kind] = Excitation(kind, candidate.parameters[place], place, end, snr, change, slopes)
@@ -124,22 +125,36 @@ def not_excited(found: Mapping[str, Excitation], thresholds: EvidenceThresholds)
 
 
 def confounded_with(
-    found: Mapping[str, Excitation], fits: Mapping[Kinds, EffectFit], n: float
+    found: Mapping[str, Excitation],
+    fits: Mapping[Kinds, EffectFit],
+    n: float,
+    law: LawReference | None = None,
 ) -> tuple[ConfoundedPair, ...]:
     """Pairs of excited effects that n effective readings cannot separate at a typical strength.
 
     b imitates a by its change and its slopes, at the plausible strength and where it was fitted: the least
-    squares residual of a's change on these is what remains to tell them apart.
+    squares residual of a's change on these is what remains to tell them apart. With `law`, the law's own error may be
+    large beside either, and is a kind of its own, `LAW`, which is paired with every effect that it imitates.
     """
     excited = [one for one in found.values() if one.snr > 0.0]
+    whitener = None if law is None else Whitener.of(law.columns, law.precision_at(law.prior.large, n))
     pairs = []
     for b in excited:
         others = [a for a in excited if a.kind != b.kind]
-        for a, share in zip(others, _unexplained(others, b, fits.get((b.kind,))), strict=True):
+        for a, share in zip(others, _unexplained(others, b, fits.get((b.kind,)), whitener), strict=True):
             if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
                 pairs.append(ConfoundedPair(a.kind, b.kind, share))
-    place = {kind: k for k, kind in enumerate(found)}
+    for a in excited if whitener is not None else []:
+        assert whitener is not None
+        share = _square(whitener.apply(a.change)) / max(_square(a.change), 1e-300)
+        if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
+            pairs += [ConfoundedPair(a.kind, LAW, share), ConfoundedPair(LAW, a.kind, share)]
+    place = {kind: k for k, kind in enumerate([*found, LAW])}
     return tuple(sorted(pairs, key=lambda pair: (pair.unexplained_share, place[pair.a])))
+
+
+def _square(values: Array) -> float:
+    return float(values @ values)
 
 
 def detectable(
@@ -180,18 +195,26 @@ def _ends(candidate: EffectSet) -> list[Array]:
     return points
 
 
-def _unexplained(others: Sequence[Excitation], b: Excitation, fitted: EffectFit | None) -> list[float]:
-    """Share of each other one's squared change that b's directions leave, from their orthonormal basis."""
+def _unexplained(
+    others: Sequence[Excitation], b: Excitation, fitted: EffectFit | None, whitener: Whitener | None
+) -> list[float]:
+    """Share of each other one's squared change that b's directions leave, from their orthonormal basis.
+
+    With a `whitener`, what the law's own error may do is no difference.
+    """
     basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
     there = np.all(np.isfinite(basis), axis=1)
+    changes = [a.change for a in others]
+    if whitener is not None and there.all():
+        basis, changes = whitener.apply(basis), [whitener.apply(change) for change in changes]
     upright, triangle = np.linalg.qr(
         basis[there]
     )  # cheaper for many readings than the next step on all of them
     turned, size, _ = np.linalg.svd(triangle)
     directions = upright @ turned[:, size > SMALLEST * size.max(initial=0.0)]
     shares = []
-    for a in others:
-        target = a.change[there]
+    for a, change in zip(others, changes, strict=True):
+        target, whole = change[there], a.change[there]
         rest = target - directions @ (directions.T @ target)
-        shares.append(float(np.clip(rest @ rest / (target @ target), 0.0, 1.0)))
+        shares.append(float(np.clip(rest @ rest / (whole @ whole), 0.0, 1.0)))
     return shares

@@ -20,7 +20,8 @@ from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector, Score, readings_over_floor, score
 from pliant.diagnosis.kept_posterior import block_of
-from pliant.diagnosis.learned_term import KIND, LearnedTerm
+from pliant.diagnosis.learned_forms import KIND
+from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.left_out import blocks_of, condition_of_runs, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view

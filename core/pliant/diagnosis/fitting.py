@@ -26,7 +26,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.errors import ImpossibleEffectError, UserError
+from pliant.diagnosis.law_discrepancy import (
+    STEP as LAW_STEP,
+)
+from pliant.diagnosis.law_discrepancy import (
+    LawError,
+    LawErrorBasis,
+    LawErrorPrior,
+    Whitener,
+    estimate,
+    law_error_basis,
+    precision_of,
+    strongest,
+)
+from pliant.errors import ImpossibleEffectError, PliantError, UserError
 from pliant.evidence.places import Residuals, padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -144,11 +157,13 @@ class EffectFit:
     Attributes:
         candidate: what was fitted.
         x: (k,) parameters.
-        residual: (N,) reading − prediction over the noise floor, with all runs.
+        residual: (N,) reading − prediction over the noise floor, with all runs; less what the law's own error is
+            estimated to change, where that is part of the hypothesis.
         slopes: (N, k) d prediction / dx over the noise floor.
         converged: the last step gained next to nothing.
         at_limit: (k,) the parameter ended on a bound.
         parts: steps of the integration from each sample to the next.
+        law: what the readings say about the law's own error beside the candidate; None where it is taken as exact.
     """
 
     candidate: EffectSet
@@ -158,6 +173,28 @@ class EffectFit:
     converged: bool
     at_limit: tuple[bool, ...]
     parts: int = 1
+    law: LawError | None = None
+
+    @property
+    def raw(self) -> Array:
+        """(N,) reading − prediction with the law as it is."""
+        return self.residual if self.law is None else self.residual + self.law.change
+
+    @property
+    def information(self) -> Array:
+        """(k, k) JᵀJ of the parameters, the law's own error marginalised."""
+        return self.slopes.T @ self.slopes if self.law is None else self.law.reduce(self.slopes)
+
+    @property
+    def law_price(self) -> float:
+        """Log-odds that the law's own error costs."""
+        return 0.0 if self.law is None else self.law.price
+
+    def whitened(self, values: Array) -> Array:
+        """Return (N,) or (N, k) in readings' units with what the law's error may do taken out."""
+        if self.law is None:
+            return values
+        return Whitener.of(self.law.columns, self.law.precision).apply(values)
 
     @property
     def values(self) -> dict[str, float]:
@@ -170,12 +207,58 @@ class EffectFit:
         return {one.name: float(x) for one, x in zip(self.candidate.parameters, self.x, strict=True)}
 
     def mean_square(self, weights: Array | None = None) -> float:
-        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
+        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium.
+
+        What the prior of the law's error costs is part of it.
+        """
+        penalty = 0.0 if self.law is None else self.law.penalty
         if weights is None:
-            square = float(self.residual @ self.residual) / len(self.residual)
+            square = (float(self.residual @ self.residual) + penalty) / len(self.residual)
         else:
-            square = float(weights @ self.residual**2) / float(weights.sum())
+            square = (float(weights @ self.residual**2) + penalty) / float(weights.sum())
         return square if np.isfinite(square) else np.inf
+
+    def with_law(self, prior: LawErrorPrior, n_effective: float) -> EffectFit:
+        """Return the fit with the law's error estimated again for another noise."""
+        if self.law is None or not np.isfinite(self.residual).all():
+            return self
+        return _with_law_error(
+            replace(self, residual=self.raw, law=None), self.law.columns, prior, n_effective
+        )
+
+
+def _with_law_error(fit: EffectFit, columns: Array, prior: LawErrorPrior, n_effective: float) -> EffectFit:
+    """Return a fit without a law's error with what its readings say about it."""
+    free = ~np.array(fit.at_limit, bool)
+    pulls = np.array([parameter.pull for parameter in fit.candidate.parameters])
+    found = estimate(fit.residual, fit.slopes[:, free], pulls[free], columns, prior, n_effective)
+    return replace(fit, residual=fit.residual - found.change, law=found)
+
+
+@dataclass(frozen=True, eq=False)
+class LawReference:
+    """The law's error as it enters fits before they have sensitivities of their own.
+
+    Attributes:
+        basis: its directions.
+        prior: of its size.
+        columns: (N, m) sensitivities of the readings about the model as it is.
+        n_effective: independent readings.
+    """
+
+    basis: LawErrorBasis
+    prior: LawErrorPrior
+    columns: Array
+    n_effective: float
+
+    @property
+    def precision(self) -> float:
+        """Of each coefficient at the median size, for readings as noisy as their floors."""
+        return self.precision_at(self.prior.median, self.n_effective)
+
+    def precision_at(self, size: float, n_effective: float) -> float:
+        """Return the precision of each coefficient at a size, for readings as noisy as their floors."""
+        return precision_of(size, len(self.columns), n_effective, 1.0)
 
 
 def reason_of(error: UserError) -> str:
@@ -183,11 +266,39 @@ def reason_of(error: UserError) -> str:
     return error.reason if isinstance(error, ImpossibleEffectError) else str(error)
 
 
+def law_columns(
+    predictor: Predictor, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
+) -> Array | None:
+    """Return (N, m) d reading / d coefficient of the law's error, over the scales; None where the engine has none.
+
+    Args:
+        predictor: the model, driven by the runs of the readings.
+        readings: places and scales of the readings.
+        effects: what the model has beside its own effects.
+        basis: directions of the law's error.
+    """
+    steps = LAW_STEP * np.eye(len(basis))
+    towards = [(*effects, basis.effect(predictor, step)) for step in steps]
+    zero = basis.effect(predictor, np.zeros(len(basis)))
+    try:
+        _, changes = predictor.vary((*effects, zero), towards)
+    except PliantError:
+        return None
+    columns = np.stack([readings.pack(change) for change in changes], axis=1) / LAW_STEP
+    return np.where(np.isfinite(columns), columns, 0.0)
+
+
 class Fitter:
     """Fits candidates to one measurement; `weights` (N,) leave readings out of the cost but not of the run."""
 
-    def __init__(self, predictor: Predictor, readings: ReadingVector, weights: Array | None = None) -> None:
-        self.predictor, self.readings = predictor, readings
+    def __init__(
+        self,
+        predictor: Predictor,
+        readings: ReadingVector,
+        weights: Array | None = None,
+        law: LawReference | None = None,
+    ) -> None:
+        self.predictor, self.readings, self.law = predictor, readings, law
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
         self._lock = Lock()  # fits may run in threads
@@ -196,8 +307,31 @@ class Fitter:
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its points, and after the files with effects of the user's own."""
         files = files_of(self.predictor.bench.registry)
-        model = pickle.dumps((self.predictor, self.readings, self.weights))
+        model = pickle.dumps((self.predictor, self.readings, self.weights, self.law))
         return _arrived, (files, self.code, model)
+
+    def with_law_error(self, nothing: EffectFit, prior: LawErrorPrior, n_effective: float) -> Fitter:
+        """Return a fitter with the law's error in every hypothesis; itself where these runs cannot show one.
+
+        Args:
+            nothing: the model as it is.
+            prior: of the error's size.
+            n_effective: independent readings.
+        """
+        basis = law_error_basis(self.predictor)
+        if basis is None or not np.isfinite(nothing.raw).all():
+            return self
+        columns = self._law_columns(nothing.candidate, nothing.x, nothing.parts, basis)
+        if columns is None:
+            return self
+        kept, felt = strongest(basis, columns, prior.most)
+        if not len(kept):
+            return self
+        reference = LawReference(kept, prior, felt, n_effective)
+        return Fitter(self.predictor, self.readings, self.weights, reference)
+
+    def _law_columns(self, candidate: EffectSet, x: Array, parts: int, basis: LawErrorBasis) -> Array | None:
+        return law_columns(self.predictor.refined(parts), self.readings, candidate.configs(x), basis)
 
     def checked(self) -> None:
         """Workers that it travels to from now on compare their code with ours."""
@@ -216,6 +350,11 @@ class Fitter:
         """`look` with these arguments, in the same way."""
         self._check_code()
         return self.look(*asked)
+
+    def promise_from(self, asked: tuple[EffectSet, Array, int]) -> float:
+        """`promise` with these arguments, in the same way."""
+        self._check_code()
+        return self.promise(*asked)
 
     def refusal_from(self, asked: tuple[EffectSet, Array]) -> str:
         """Why this chain cannot have a candidate, in the plugin's words, in the same way; empty where it can."""
@@ -237,6 +376,7 @@ class Fitter:
         starts: Sequence[Array] | None = None,
         parts: int = 1,
         refine: bool = True,
+        law: LawError | None = None,
     ) -> EffectFit:
         """The best of fits from several starts; short trials decide which one is finished.
 
@@ -247,15 +387,32 @@ class Fitter:
             starts: points (k,); the candidate's own by default.
             parts: steps of the integration from sample to sample.
             refine: go on in finer steps from there, where they change what is predicted.
+            law: sensitivities and size of the law's error that hold for the fit; its own by default.
         """
-        found = self._fit(candidate, starts or candidate.starts(), parts)
+        found = self._fit(candidate, starts or candidate.starts(), parts, law)
         for _ in range(MOST_REFINED if refine and np.isfinite(found.mean_square()) else 0):
             effects = candidate.configs(found.x)
             finer = self.steps(effects, found.parts)
             if finer == found.parts:
                 break
-            found = self._fit(candidate, [found.x], finer)
-        return found
+            found = self._fit(candidate, [found.x], finer, law)
+        return found if law is not None else self._with_own_law_error(found)
+
+    def _with_own_law_error(self, fit: EffectFit) -> EffectFit:
+        """Return the fit beside a law's error with the sensitivities and the size that it has there."""
+        if self.law is None or fit.law is None:
+            return fit
+        own = self._law_columns(fit.candidate, fit.x, fit.parts, self.law.basis)
+        if own is None:
+            return fit
+        plain = replace(fit, residual=fit.raw, law=None)
+        first = _with_law_error(plain, own, self.law.prior, self.law.n_effective)
+        if len(fit.candidate):
+            again = self._fit(fit.candidate, [fit.x], fit.parts, first.law)
+            plain = replace(again, residual=again.raw, law=None)
+        if not np.isfinite(plain.residual).all():
+            return fit
+        return _with_law_error(plain, own, self.law.prior, self.law.n_effective)
 
     def no_worse(self, fit: EffectFit, near: Sequence[Mapping[str, float]]) -> EffectFit:
         """The fit, or the one that begins at the best of some smaller fits where that leaves less.
@@ -281,47 +438,106 @@ class Fitter:
         close = {name: NEGLIGIBLE * scale for name, scale in self.readings.scales.items()}
         return self.predictor.steps_between_samples(effects, least, close)
 
-    def _fit(self, candidate: EffectSet, tried: Sequence[Array], parts: int) -> EffectFit:
+    def _fit(
+        self, candidate: EffectSet, tried: Sequence[Array], parts: int, law: LawError | None = None
+    ) -> EffectFit:
         if not len(candidate):
-            return self.look(candidate, np.zeros(0), parts)
-        points = [self._start(candidate, x, parts) for x in tried]
+            return self.look(candidate, np.zeros(0), parts, law)
+        misfit = self._misfit(candidate, parts, law)
+        points = [self._start(misfit, x) for x in tried]
         if not any(np.isfinite(point.cost) for point in points):  # so far out none: begin near nothing
-            points = [self._start(candidate, NEAR_NOTHING * x, parts) for x in tried]
+            points = [self._start(misfit, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
-            points = [self._descend(candidate, point, TRIAL_ITERATIONS, parts)[0] for point in points]
+            points = [self._descend(misfit, point, TRIAL_ITERATIONS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
-        point, converged = self._descend(candidate, best, MOST_ITERATIONS, parts)
+        point, converged = self._descend(misfit, best, MOST_ITERATIONS)
         low, high = candidate.limits()
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
-        return EffectFit(candidate, point.x, point.residual, point.slopes, converged, at_limit, parts)
+        return self._at(misfit, point, converged, at_limit, law)
 
-    def look(self, candidate: EffectSet, x: Array, parts: int = 1) -> EffectFit:
-        """The candidate at x, not fitted."""
-        point = self._start(candidate, x, parts)
-        return EffectFit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x), parts)
+    def look(self, candidate: EffectSet, x: Array, parts: int = 1, law: LawError | None = None) -> EffectFit:
+        """The candidate at x, not fitted; `law` as for `fit`."""
+        misfit = self._misfit(candidate, parts, law)
+        return self._at(misfit, self._start(misfit, x), True, (False,) * len(x), law)
 
-    def _start(self, candidate: EffectSet, x: Array, parts: int) -> _LinearPoint:
+    def promise(self, candidate: EffectSet, x: Array, parts: int = 1) -> float:
+        """Return the cost after one step within bounds from x, to first order; infinite without an equilibrium."""
+        misfit = self._misfit(candidate, parts, None)
+        try:
+            point = self._start(misfit, x)
+        except UserError:
+            return float("inf")
+        if not np.isfinite(point.cost):
+            return float("inf")
+        low, high = candidate.limits()
+        pulls = np.array([parameter.pull for parameter in candidate.parameters])
+        normal = point.slopes.T @ point.slopes + np.diag(pulls)
+        step = np.linalg.solve(normal, point.slopes.T @ point.residual - pulls * point.x)
+        step = np.clip(point.x + step, low, high) - point.x
+        left = point.residual - point.slopes @ step
+        return float(left @ left)
+
+    def whitened(self, values: Array) -> Array:
+        """Return (N,) or (N, k) of readings without what the law's own error of the usual size may do."""
+        if self.law is None:
+            return values
+        return Whitener.of(self.law.columns, self.law.precision).apply(values)
+
+    def _misfit(self, candidate: EffectSet, parts: int, law: LawError | None) -> _ReadingMisfit:
+        if law is not None:
+            return _ReadingMisfit(self, candidate, parts, Whitener.of(law.columns, law.precision))
+        if self.law is not None:
+            return _ReadingMisfit(self, candidate, parts, Whitener.of(self.law.columns, self.law.precision))
+        return _ReadingMisfit(self, candidate, parts)
+
+    def _at(
+        self,
+        misfit: _ReadingMisfit,
+        point: _LinearPoint,
+        converged: bool,
+        at_limit: tuple[bool, ...],
+        law: LawError | None,
+    ) -> EffectFit:
+        """Return the fit at a point, with the law's error beside it: that of a size that is given, or estimated."""
+        white, residual, slopes = misfit.whitener, point.residual, point.slopes
+        if white is not None and np.isfinite(point.cost):
+            residual, slopes = white.undo(residual), white.undo(slopes)
+        fit = EffectFit(misfit.candidate, point.x, residual, slopes, converged, at_limit, misfit.parts)
+        if white is None or not np.isfinite(point.cost):
+            return fit
+        if law is not None:
+            coefficient = np.asarray(np.linalg.solve(law.normal, law.columns.T @ residual), float)
+            held = replace(law, coefficient=coefficient)
+            return replace(fit, residual=residual - held.change, law=held)
+        assert self.law is not None
+        return _with_law_error(fit, self.law.columns, self.law.prior, self.law.n_effective)
+
+    def _start(self, misfit: _ReadingMisfit, x: Array) -> _LinearPoint:
         """The point, remembered: what is looked at is often where a fit begins."""
+        candidate = misfit.candidate
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
-        key = (candidate.kinds, candidate.forms, repr(candidate.configs(x)), x.tobytes(), held, parts)
+        effects = repr(candidate.configs(x))
+        key = (candidate.kinds, candidate.forms, effects, x.tobytes(), held, misfit.parts)
         with self._lock:
             known = self._seen.pop(key, None)
-        point = known or _ReadingMisfit(self, candidate, parts).point(x)
+        point = known or misfit.raw_point(x)
         with self._lock:
             self._seen[key] = point
             while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
                 self._seen.pop(next(iter(self._seen)))
-        return point
+        return misfit.whitened(point)
 
     def _descend(
-        self, candidate: EffectSet, point: _LinearPoint, iterations: int, parts: int
+        self, misfit: _ReadingMisfit, point: _LinearPoint, iterations: int
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        misfit, steps = _ReadingMisfit(self, candidate, parts), replace(STEPS, most=iterations)
-        found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
+        steps = replace(STEPS, most=iterations)
+        found, converged = descend(
+            misfit, point, steps, misfit.candidate.limits(), self.weights, misfit.pulls
+        )
         return cast(_LinearPoint, found), converged
 
 
@@ -340,11 +556,15 @@ class _LinearPoint(Point):
 
 @dataclass(frozen=True, eq=False)
 class _ReadingMisfit:
-    """Readings less the predictions of a candidate, with the engine's own derivatives."""
+    """Readings less the predictions of a candidate, with the engine's own derivatives.
+
+    With a `whitener`, what the law's own error may do to the readings is taken out of both.
+    """
 
     fitter: Fitter
     candidate: EffectSet
     parts: int
+    whitener: Whitener | None = None
 
     @property
     def pulls(self) -> Array:
@@ -353,6 +573,20 @@ class _ReadingMisfit:
 
     def point(self, x: Array) -> _LinearPoint:
         """Residuals and slopes at x; an infinite cost where the model has no equilibrium."""
+        return self.whitened(self.raw_point(x))
+
+    def whitened(self, point: _LinearPoint) -> _LinearPoint:
+        """Return a point without what the law's own error may do."""
+        if self.whitener is None or not np.isfinite(point.cost):
+            return point
+        residual, slopes = self.whitener.apply(point.residual), self.whitener.apply(point.slopes)
+        return _LinearPoint(point.x, residual, self._cost(point.x, residual), slopes)
+
+    def _cost(self, x: Array, residual: Array) -> float:
+        return float(self.fitter.weights @ residual**2) + float(self.pulls @ x**2)
+
+    def raw_point(self, x: Array) -> _LinearPoint:
+        """Residuals and slopes at x with the law as it is."""
         readings = self.fitter.readings
         low, high = self.candidate.limits()
         steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in np.flatnonzero(low < high)}
@@ -369,8 +603,7 @@ class _ReadingMisfit:
             if lost.mean() > MOST_LOST:
                 return _LinearPoint(x, residual, np.inf, slopes)
             residual, slopes = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slopes)
-        cost = float(self.fitter.weights @ residual**2) + float(self.pulls @ x**2)
-        return _LinearPoint(x, residual, cost, slopes)
+        return _LinearPoint(x, residual, self._cost(x, residual), slopes)
 
     def slopes(self, point: Point) -> Array | None:
         """Those of the point, which has them."""

@@ -25,7 +25,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.evidence_table import Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import score
-from pliant.diagnosis.learned_term import KIND as LEARNED
+from pliant.diagnosis.learned_forms import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.left_out import blocks_of, condition_of_runs

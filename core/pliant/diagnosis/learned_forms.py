@@ -18,6 +18,8 @@ from pliant.evidence.prediction import Predictor
 from pliant.mechanics.learned_curve import KEPT, NAMES, CurveAxis, Signals, series
 from pliant.records.design import Array
 
+# The kind of effect that holds such a form in a study.
+KIND = "learned"
 # Values of a covariate that few levels have: a straight line between two, a parabola's worth of three.
 FEW_LEVELS = 3
 # Spread that counts as one, over the largest absolute value.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.fitting import ReadingVector
-from pliant.diagnosis.learned_forms import TUNED, LearnedForm, SeenMotion
+from pliant.diagnosis.learned_forms import KIND, TUNED, LearnedForm, SeenMotion
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.smooth_fit import CurvePrior, LinearModel, Sums, left_out, most_likely
 from pliant.errors import PliantError
@@ -25,7 +25,6 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.mechanics.held import is_held
 from pliant.records.design import Array
 
-KIND = "learned"
 # The fall of the squared error on runs left out, in standard errors, and of its root as a share.
 SURE, LEAST_FALL = 3.0, 0.03
 # Rise of the squared error on conditions left out that is still chance.

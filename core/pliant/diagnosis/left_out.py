@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,32 +27,65 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
         plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
             known at all, as for the only warm runs when softening with temperature is fitted.
 
-    Of a fit without an equilibrium at any start, NaN.
+    Of a fit without an equilibrium at any start, NaN. The law's own error, where it is part of the hypothesis, is
+    known from the other groups only, too.
     """
-    if fit.slopes.shape[1] == 0:
+    if fit.slopes.shape[1] == 0 and fit.law is None:
         return fit.residual
     if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
         return np.full_like(fit.residual, np.nan)
-    low, high = fit.candidate.limits()
-    pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
+    joint = _JointFit.of(fit)
+    slopes, pull, low, high = joint.slopes, joint.pull, joint.low, joint.high
     prior = np.diag(pull)
-    whole, pulled = fit.slopes.T @ fit.slopes, fit.slopes.T @ fit.residual
-    spared = _spared(whole, pull, np.array([parameter.is_form for parameter in fit.candidate.parameters]))
+    whole, pulled = slopes.T @ slopes, slopes.T @ fit.residual
+    spared = _spared(whole, pull, joint.is_nuisance)
     left = fit.residual.copy()
     order = np.argsort(groups, kind="stable")
     members = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
-    normals = whole - np.array([fit.slopes[mine].T @ fit.slopes[mine] for mine in members])
+    normals = whole - np.array([slopes[mine].T @ slopes[mine] for mine in members])
     if plain is not None:
         known = np.linalg.solve(whole + prior, normals + spared)
         lost = np.linalg.eigvals(known).real.min(axis=1) < LEAST_LEFT
         for mine in itertools.compress(members, lost):
             left[mine] = plain[mine]
         members, normals = list(itertools.compress(members, ~lost)), normals[~lost]
-    rights = np.array([pulled - fit.slopes[mine].T @ fit.residual[mine] - pull * fit.x for mine in members])
-    moves = _bounded(normals + prior, rights, low - fit.x, high - fit.x)
+    rights = np.array([pulled - slopes[mine].T @ fit.residual[mine] - pull * joint.x for mine in members])
+    moves = _bounded(normals + prior, rights, low - joint.x, high - joint.x)
     for mine, move in zip(members, moves, strict=True):
-        left[mine] -= fit.slopes[mine] @ move
+        left[mine] -= slopes[mine] @ move
     return left
+
+
+@dataclass(frozen=True, eq=False)
+class _JointFit:
+    """Parameters of a fit with the coefficients of the law's error behind them: values, slopes, prior and bounds.
+
+    `is_nuisance` marks what has a real prior, to which it returns where no reading knows it: forms and coefficients.
+    """
+
+    x: Array
+    slopes: Array
+    pull: Array
+    low: Array
+    high: Array
+    is_nuisance: NDArray[np.bool_]
+
+    @staticmethod
+    def of(fit: EffectFit) -> _JointFit:
+        low, high = fit.candidate.limits()
+        pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
+        forms = np.array([parameter.is_form for parameter in fit.candidate.parameters], bool)
+        if fit.law is None:
+            return _JointFit(fit.x, fit.slopes, pull, low, high, forms)
+        c = fit.law.coefficient
+        return _JointFit(
+            np.r_[fit.x, c],
+            np.column_stack([fit.slopes, fit.law.columns]),
+            np.r_[pull, np.full(len(c), fit.law.precision)],
+            np.r_[low, np.full(len(c), -np.inf)],
+            np.r_[high, np.full(len(c), np.inf)],
+            np.r_[forms, np.ones(len(c), bool)],
+        )
 
 
 def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:

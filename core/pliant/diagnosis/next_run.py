@@ -362,10 +362,18 @@ def run_that_excites(view: CatalogueView, configs: Mapping[str, Sequence[EffectC
 
 
 def information_of(fit: EffectFit, n_effective: float, square: float) -> Array:
-    """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges."""
+    """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges.
+
+    (k + m, k + m) with the m coefficients of the law's own error behind them, where that is part of the hypothesis.
+    """
     spans = np.array([high - low for low, high in (p.plausible for p in fit.candidate.parameters)])
-    seen = n_effective / (len(fit.residual) * square) * fit.slopes.T @ fit.slopes
-    return np.asarray(seen + np.diag((2.0 * NINETY / spans) ** 2))
+    prior = (2.0 * NINETY / spans) ** 2
+    slopes = fit.slopes
+    if fit.law is not None:
+        slopes = np.column_stack([slopes, fit.law.columns])
+        prior = np.r_[prior, np.full(len(fit.law.coefficient), fit.law.size**-2.0)]
+    seen = n_effective / (len(fit.residual) * square) * slopes.T @ slopes
+    return np.asarray(seen + np.diag(prior))
 
 
 def _outcome(
@@ -379,13 +387,19 @@ def _outcome(
         return None
     root = np.sqrt(view.worth[rows] / belief.square)
     plain = looks[NOTHING].values[rows] * root
-    law = belief.thresholds.excited**2 * float(root @ root)
+    off = belief.thresholds.excited if not view.law_columns.shape[1] else belief.thresholds.beside_law_error
     contenders = []
     for kinds in belief.contenders:
-        mean = looks[kinds].values[rows] * root
-        form = law + belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
-        known = information_of(belief.fits[kinds], belief.n_effective, belief.square)
-        slopes = looks[kinds].slopes[rows] * root[:, None]
+        fit, mean, slopes = belief.fits[kinds], looks[kinds].values[rows], looks[kinds].slopes[rows]
+        if fit.law is not None and view.law_columns.shape[1]:
+            mean = mean + view.law_columns[rows] @ fit.law.coefficient
+            slopes = np.column_stack([slopes, view.law_columns[rows]])
+        else:
+            fit = replace(fit, residual=fit.raw, law=None)
+        mean, slopes = mean * root, slopes * root[:, None]
+        form = off**2 * float(root @ root)
+        form += belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
+        known = information_of(fit, belief.n_effective, belief.square)
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
     return expected(contenders, belief.thresholds.temperature, belief.thresholds.believed)
 

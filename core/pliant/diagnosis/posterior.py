@@ -110,7 +110,8 @@ def posterior_of(fit: EffectFit, weights: Array, n_effective: float) -> Posterio
         n_effective: independent readings that the fit rests on.
     """
     scale = square_per_reading(weights, fit, n_effective)
-    information = (fit.slopes * weights[:, None]).T @ fit.slopes / scale
+    known = fit.information if fit.law is not None else (fit.slopes * weights[:, None]).T @ fit.slopes
+    information = known / scale
     seen, vectors = np.linalg.eigh(information)
     covariance = (vectors / (np.maximum(seen, 0.0) + 1.0)) @ vectors.T
     return Posterior(fit.candidate, fit.x, covariance, max(n_effective - len(fit.x), 1.0))

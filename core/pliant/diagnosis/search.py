@@ -4,14 +4,14 @@ Near where it was fitted alone, and near its plausible end, an effect changes th
 change there and its slopes. What a set could explain of a residual is, to first order, the regression of the residual
 on the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson,
 Technometrics 16, 1974). Of all sets of two effects, then of three, those that promise most by this superposition are
-fitted with the physics in the loop, and the best single with what helps it most. The best set's effects are exchanged
-in turn, and its subsets are fitted too, so that an effect that has become idle drops out (Miller, Subset Selection in
-Regression, 2002).
+fitted with the physics in the loop, and the best single with what helps it most. Directions may add up only beyond
+first order: each leading single is also tried with every other effect beside it, by one bounded step from where both
+act. The best set's effects are exchanged in turn, and its subsets are fitted too, so that an effect that has become
+idle drops out (Miller, Subset Selection in Regression, 2002).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.directions import Directions
 from pliant.diagnosis.evidence_table import (
     LEAST_SQUARE,
     NOTHING,
@@ -28,6 +29,7 @@ from pliant.diagnosis.evidence_table import (
     Row,
     at_limit,
     log_evidence,
+    prior_price,
     room_above_floor,
     sorted_kinds,
 )
@@ -42,97 +44,12 @@ from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
-# Directions that are shorter than this share of the longest, or of what is left of them beside others, count as none.
-SHORT = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Directions:
-    """What each kind can do to the readings.
-
-    Attributes:
-        kinds: all of them.
-        columns: (N, m) unit vectors.
-        owner: (m,) index of the kind of each.
-        there: (N,) readings at which every direction is known.
-        gram: (m, m) their products.
-    """
-
-    kinds: tuple[str, ...]
-    columns: Array
-    owner: NDArray[np.intp]
-    there: NDArray[np.bool_]
-    gram: Array
-
-    @staticmethod
-    def of(
-        kinds: Sequence[str],
-        fits: Mapping[Kinds, EffectFit],
-        shown: Mapping[str, Excitation],
-        most_lost: float,
-    ) -> Directions:
-        """From the fits of single effects and from their plausible ends; kinds without an equilibrium have none.
-
-        `most_lost`: the share of readings without an equilibrium at which a direction is still used.
-        """
-        plain = fits[NOTHING].residual
-        found: list[tuple[int, Array]] = []
-        for number, kind in enumerate(kinds):
-            fit, end = fits[(kind,)], shown[kind]
-            pieces = [plain - fit.residual, *fit.slopes.T, end.change, *end.slopes.T]
-            found += [(number, p) for p in pieces if np.isnan(p).mean() <= most_lost]
-        there = np.all([np.isfinite(piece) for _, piece in found], axis=0) if found else np.isfinite(plain)
-        lengths = [float(np.linalg.norm(piece[there])) for _, piece in found]
-        longest = max(lengths, default=0.0)
-        kept = [
-            (n, p[there] / size)
-            for (n, p), size in zip(found, lengths, strict=True)
-            if size > SHORT * longest
-        ]
-        columns = np.array([p for _, p in kept]).T.reshape(int(there.sum()), len(kept))
-        return Directions(
-            tuple(kinds), columns, np.array([n for n, _ in kept], np.intp), there, columns.T @ columns
-        )
-
-    def promising(self, residual: Array, size: int, count: int) -> list[Kinds]:
-        """The `count` sets of `size` effects that could explain most of a residual (N,), the best first."""
-        right = self.columns.T @ residual[self.there]
-        places = self._places()
-        names = [kind for kind in self.kinds if len(places[kind])]
-        gains = {}
-        for kinds in itertools.combinations(names, size):
-            at = np.concatenate([places[kind] for kind in kinds])
-            gains[sorted_kinds(kinds)] = self._explained(at, right)
-        return sorted(gains, key=lambda kinds: -gains[kinds])[:count]
-
-    def next_to(self, residual: Array, slopes: Array, without: Sequence[str], count: int) -> list[str]:
-        """The `count` kinds, those in `without` excepted, that explain most beside the slopes (N, k) of a base."""
-        basis = slopes[self.there]
-        basis = basis[:, np.linalg.norm(basis, axis=0) > 0.0]
-        rest, columns = residual[self.there], self.columns
-        if basis.shape[1]:
-            q = np.linalg.qr(basis)[0]
-            rest, columns = rest - q @ (q.T @ rest), columns - q @ (q.T @ columns)
-        beside = Directions(self.kinds, columns, self.owner, self.there, columns.T @ columns)
-        right, places = columns.T @ rest, self._places()
-        gains = {k: beside._explained(at, right) for k, at in places.items() if len(at) and k not in without}
-        return sorted(gains, key=lambda kind: -gains[kind])[:count]
-
-    def _places(self) -> dict[str, NDArray[np.intp]]:
-        return {kind: np.flatnonzero(self.owner == number) for number, kind in enumerate(self.kinds)}
-
-    def _explained(self, at: NDArray[np.intp], right: Array) -> float:
-        """Sum of squares of the projection of a vector on some columns, by their normal equations."""
-        values, vectors = np.linalg.eigh(self.gram[np.ix_(at, at)])
-        felt = values > SHORT * max(float(values[-1]), 1.0)
-        along = vectors[:, felt].T @ right[at]
-        return float(np.sum(along**2 / values[felt]))
-
-
 MOST_EFFECTS = 3
 # Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
 SCREENED = 8
 EXCHANGED = 3
+# So many singles that lead are tried with every other effect beside them.
+PAIRED = 4
 # So many sets that lead their size are asked whether a relative of their equations fits better.
 BENT, BENT_LARGER = 5, 2
 # A hypothesis with so much less log-evidence than the best is not made more exact.
@@ -171,15 +88,28 @@ class HypothesisSearch:
         self._bend([(kind,) for kind in kinds])
         current = self._best([key for key in self.fits if len(key) <= 1])
         if room_above_floor(self.table(), current, self.thresholds):
-            self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST), len(kinds))
+            whitened = self.fitter.whitened
+            self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST, whitened), len(kinds))
+        self._weigh_law_errors()
         return self.table()
+
+    def _weigh_law_errors(self) -> None:
+        """Estimate the law's error of every fit again, for the noise that is known now."""
+        law = self.fitter.law
+        if law is None:
+            return
+        n = self.table().noise.n_effective
+        self._noise = None
+        for kinds, fit in self.fits.items():
+            self._keep(kinds, fit.with_law(law.prior, n), self.rows[kinds].form_price)
 
     def table(self) -> EvidenceTable:
         """The rows so far, against the noise that the best of them leaves."""
         best = min(self.rows.values(), key=lambda row: row.mean_square)
         count = np.bincount(self.condition[self.readings.run])
         shares = tuple((count[count > 0] / len(self.readings)).tolist())
-        return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings), shares)
+        noise = self.noise(self.fits[best.kinds])
+        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, self.fitter.law is not None)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Noise as the residuals of a fit show it; that of the last one is kept, for the best fit is often the same."""
@@ -191,10 +121,12 @@ class HypothesisSearch:
 
     def _grow(self, directions: Directions, n_kinds: int) -> None:
         """Sets of two and more effects, while the best of a size is better than what is smaller and may be bettered."""
-        plain = self.fits[NOTHING].residual
+        plain = self.fitter.whitened(self.fits[NOTHING].raw)
         for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
             before = self._best([key for key in self.fits if len(key) < size])
             sets = directions.promising(plain, size, SCREENED)
+            if size == 2:
+                sets += self._pairs(directions.kinds)
             beside = [key for key in self.fits if len(key) == size - 1]
             sets += self._larger(self._best(beside), directions)
             if not sets:
@@ -245,18 +177,37 @@ class HypothesisSearch:
         price = form_price(fit, n_effective)
         squares = (self.rows[kinds].mean_square, fit.mean_square())
         before, after = (max(square, LEAST_SQUARE) for square in squares)
-        gain = 0.5 * n_effective * np.log(before / after)
+        gain = 0.5 * n_effective * np.log(before / after) + self.rows[kinds].law_price - fit.law_price
         if not gain + self.rows[kinds].form_price > price:
             return False
         self._keep(kinds, fit, price)
         return True
+
+    def _pairs(self, kinds: Sequence[str]) -> list[Kinds]:
+        """The pairs with a leading single that promise most by one step from where both effects act."""
+        evidence = log_evidence(self.table(), self.thresholds)
+        singles = [(kind,) for kind in kinds if np.isfinite(self.rows[(kind,)].mean_square)]
+        leading = sorted(singles, key=lambda key: -evidence[key])[:PAIRED]
+        pairs = list(
+            dict.fromkeys(sorted_kinds((*one, kind)) for one in leading for kind in kinds if kind not in one)
+        )
+        jobs = []
+        for pair in pairs:
+            candidate = EffectSet.of(self.registry, pair)
+            known = {k: v for one in leading if set(one) < set(pair) for k, v in self.fits[one].named.items()}
+            jobs.append((candidate, candidate.starts(known)[0], 1))
+        with JobQueue(self.executor, self.fitter.promise_from) as queue:
+            costs = [one.unwrap() for one in queue.each(jobs)]
+        ranked = sorted(range(len(pairs)), key=lambda k: costs[k])
+        return [pairs[k] for k in ranked[:SCREENED] if np.isfinite(costs[k])]
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
         """The base with each of the kinds that promise most beside it, its own parameters free to follow."""
         fit = self.fits[base]
         if not np.all(np.isfinite(fit.residual)):
             return []
-        found = directions.next_to(fit.residual, fit.slopes, base, EXCHANGED)
+        white = fit.whitened(np.column_stack([fit.raw, fit.slopes]))
+        found = directions.next_to(white[:, 0], white[:, 1:], base, EXCHANGED)
         return [sorted_kinds((*base, kind)) for kind in found]
 
     def _exchanged(self, best: Kinds, directions: Directions) -> Kinds:
@@ -271,7 +222,8 @@ class HypothesisSearch:
             looked = self.fitter.look(part, x, self.fits[best].parts)
             if not np.all(np.isfinite(looked.residual)):
                 continue
-            others = directions.next_to(looked.residual, looked.slopes, best, EXCHANGED)
+            white = looked.whitened(np.column_stack([looked.raw, looked.slopes]))
+            others = directions.next_to(white[:, 0], white[:, 1:], best, EXCHANGED)
             sets = [sorted_kinds((*rest, kind)) for kind in others]
             self._fit(sets, near=best)
             best = self._best([best, *sets])
@@ -341,9 +293,7 @@ def form_price(fit: EffectFit, n_effective: float) -> float:
     parameters = fit.candidate.parameters
     form = np.array([parameter.is_form for parameter in parameters], bool)
     pull = np.array([parameter.pull for parameter in parameters])
-    known = (
-        fit.slopes.T @ fit.slopes * n_effective / (len(fit.residual) * max(fit.mean_square(), LEAST_SQUARE))
-    )
+    known = fit.information * n_effective / (len(fit.residual) * max(fit.mean_square(), LEAST_SQUARE))
     rest = known[~form][:, ~form] + np.diag(pull[~form])
     across = known[~form][:, form]
     alone = known[form][:, form] - across.T @ np.linalg.solve(rest, across)
@@ -375,5 +325,8 @@ def _row(
         unseen_square=float(np.mean(known**2)),
         unseen=tuple(np.bincount(of_reading, weights=unseen**2)) if several else (),
         at_limit=at_limit(fit),
+        law_price=fit.law_price,
+        prior_price=prior_price(fit),
+        raw_square=float(np.mean(fit.raw**2)),
         squares=tuple(by_condition.tolist()) if several else (),
     )

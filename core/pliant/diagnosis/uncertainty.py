@@ -208,7 +208,7 @@ def square_per_reading(weights: Array, fit: EffectFit, n_effective: float) -> fl
 
 def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
     """(k, k) in x; infinite variances where the readings do not feel a parameter."""
-    normal = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
+    normal = fit.information if fit.law is not None else (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
     # forms have a prior of their own, s² of which is in units of Σ r²
     normal += np.diag([scale * one.pull * one.is_form for one in fit.candidate.parameters])
     size = np.sqrt(np.diag(normal))
@@ -260,7 +260,11 @@ class _Profile:
         start = np.clip(self._last + (x - self._last[self.index]) * self.along, low, high)
         start[self.index] = x
         refitted = self.fitter.fit(
-            Held.hold(self.fit.candidate, self.index, x), [start], self.fit.parts, refine=False
+            Held.hold(self.fit.candidate, self.index, x),
+            [start],
+            self.fit.parts,
+            refine=False,
+            law=self.fit.law,
         )
         rise = (self._squares(refitted) - self._cost) / self.scale
         if not math.isfinite(rise):
@@ -269,7 +273,7 @@ class _Profile:
         return math.sqrt(max(rise, 0.0))
 
     def _squares(self, fit: EffectFit) -> float:
-        return float(self.fitter.weights @ fit.residual**2)
+        return fit.mean_square(self.fitter.weights) * float(self.fitter.weights.sum())
 
 
 def _followers(fitter: Fitter, fit: EffectFit, index: int) -> Array:

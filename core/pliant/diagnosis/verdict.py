@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from pliant.diagnosis.evidence_table import (
+    LAW,
     LEAST_SQUARE,
     NOTHING,
     UNKNOWN,
@@ -18,6 +19,7 @@ from pliant.diagnosis.evidence_table import (
     log_evidence,
     predicts_unseen,
     probabilities,
+    sorted_kinds,
 )
 from pliant.evidence.excess import Excess
 from pliant.formatting import plural
@@ -32,6 +34,11 @@ HEADLINES = {
         "Missing: {kinds}; these data cannot tell which. The error without it is {left}.",
         "Missing: {kinds}; these data cannot tell which.",
     ),
+    "class_with_law": (
+        "{either} is off, or {kinds} is missing; these data cannot tell which. The error is {left}.",
+        "{either} is off, or {kinds} is missing; these data cannot tell which.",
+    ),
+    "law_off": ("No effect is missing; the joint law is off{law}.",) * 2,
     "nothing_missing": (
         "Nothing is missing that these data could show.",
         "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
@@ -51,7 +58,13 @@ MOST_NAMED = 4
 MOST_IN_CLASS = 4
 
 Verdict = Literal[
-    "missing_effect", "ambiguous", "nothing_missing", "unknown_effect", "not_repeatable", "insufficient_data"
+    "missing_effect",
+    "ambiguous",
+    "nothing_missing",
+    "law_off",
+    "unknown_effect",
+    "not_repeatable",
+    "insufficient_data",
 ]
 
 
@@ -66,8 +79,9 @@ class Judgement:
         credible: hypotheses that hold 90 %.
         reasons: sentences.
         selected_class: effects one of which is missing, the most probable first, where the verdict is `ambiguous` only
-            about which of them; else empty.
+            about which of them; else empty. `LAW` among them: it may be the law's own shape instead.
         beside: effects that are missing beside one of `selected_class`, whichever it is.
+        law: by how much the law is off and where, in words that follow "off"; empty where that is not asked.
         as_it_is: error of the model as it is on runs left out, over the floor.
         best: that of the most probable listed explanation; of the model as it is where none was tried.
     """
@@ -81,6 +95,7 @@ class Judgement:
     best: Excess
     selected_class: Kinds = field(default=(), kw_only=True)
     beside: Kinds = field(default=(), kw_only=True)
+    law: str = field(default="", kw_only=True)
 
     @property
     def contenders(self) -> str:
@@ -93,13 +108,18 @@ class Judgement:
     @property
     def sentence(self) -> str:
         """The verdict in one sentence, with the explanations that are left."""
-        known = "class" if self.selected_class else self.verdict
-        group = " or ".join(self.selected_class)
+        known: str = "class" if self.selected_class else self.verdict
+        listed_kinds = [kind for kind in self.selected_class if kind != LAW]
+        group = " or ".join(listed_kinds)
+        if len(listed_kinds) < len(self.selected_class):
+            known = "class_with_law"
         return HEADLINES[known][0 if self.small else 1].format(
             kinds=" and ".join(
                 [*self.beside, f"({group})" if self.beside else group] if group else self.selected
             ),
             contenders=self.contenders,
+            either="The joint law",
+            law=self.law,
             left=self.as_it_is.words,
             ratio=self.as_it_is,
         )
@@ -119,13 +139,14 @@ def named(kinds: Kinds) -> str:
     return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
 
 
-def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) -> Judgement:
+def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int, law: str = "") -> Judgement:
     """Weigh the table.
 
     Args:
         table: all hypotheses.
         thresholds: thresholds.
         n_excited: effects that these runs could show.
+        law: by how much the law is off without any effect, and where, in words that follow "off".
     """
     evidence = log_evidence(table, thresholds)
     probability = probabilities(evidence, thresholds.temperature)
@@ -133,17 +154,42 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) 
     verdict, reasons = _verdict(table, thresholds, n_excited, probability, first)
     selected = first if verdict == "missing_effect" else NOTHING
     best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
-    left_out = [table.excess(table.rows[kinds].heldout_square) for kinds in (NOTHING, best)]
+    squares = (table.nothing.as_it_is, table.rows[best].heldout_square if best else table.nothing.as_it_is)
+    left_out = [table.excess(square) for square in squares]
     credible = credible_set(probability)
-    group, beside = _class_of(credible) if verdict == "ambiguous" and not reasons else ((), ())
+    off = _with_law(table, credible)
+    group, beside = _class_of(off) if verdict == "ambiguous" and not reasons else ((), ())
     return Judgement(
-        verdict, probability, selected, credible, reasons, *left_out, selected_class=group, beside=beside
+        verdict,
+        probability,
+        selected,
+        credible,
+        reasons,
+        *left_out,
+        selected_class=group,
+        beside=beside,
+        law=law,
+    )
+
+
+def _with_law(table: EvidenceTable, credible: Sequence[Kinds]) -> tuple[Kinds, ...]:
+    """Return the hypotheses, `LAW` among the effects of one that has an effect less and beside it a law that is off."""
+    most = max(map(len, credible))
+    return tuple(
+        sorted_kinds((*kinds, LAW))
+        if kinds != UNKNOWN and len(kinds) == most - 1 and table.law_is_off(kinds)
+        else kinds
+        for kinds in credible
     )
 
 
 def _class_of(credible: Sequence[Kinds]) -> tuple[Kinds, Kinds]:
     """Effects one of which each credible hypothesis has, and what all of them have beside it; empty where they part."""
-    if len(credible) < 2 or {NOTHING, UNKNOWN} & set(credible) or len({len(kinds) for kinds in credible}) > 1:
+    if (
+        len(set(credible)) < 2
+        or {NOTHING, UNKNOWN} & set(credible)
+        or len({len(kinds) for kinds in credible}) > 1
+    ):
         return (), ()
     shared = tuple(kind for kind in credible[0] if all(kind in kinds for kinds in credible))
     exchanged = [tuple(kind for kind in kinds if kind not in shared) for kinds in credible]
@@ -185,7 +231,7 @@ def _verdict(
         )
     if probability[first] < thresholds.believed:
         return "ambiguous", ()
-    left = table.excess(table.nothing.heldout_square)
+    left = table.excess(table.nothing.as_it_is)
     if first == UNKNOWN:
         size = f"{left} times the noise" if math.isfinite(left.ratio) else "well above the noise"
         return "unknown_effect", (
@@ -194,6 +240,8 @@ def _verdict(
             else f"The error is {size}, and no listed effect, nor a few of them together, brings it down.",
         )
     if first == NOTHING:
+        if table.law_is_off(NOTHING):
+            return "law_off", ()
         if not noise.judged:
             return "insufficient_data", (
                 "No listed effect helps, but without repeats or a stated sigma nobody can say whether the error "

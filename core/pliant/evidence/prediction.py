@@ -51,7 +51,8 @@ class Prediction:
 class Predictor:
     """A chain in an engine, driven by the histories of a measurement.
 
-    The study's own effects are part of the model; `predict` and `vary` add further ones.
+    The study's own effects are part of the model; `predict` and `vary` add further ones. `law_error` is the share of
+    the torque range by which the study says that its laws may be off.
     """
 
     def __init__(
@@ -61,8 +62,10 @@ class Predictor:
         chain: ChainModel,
         measurement: Measurement,
         effects: Sequence[EffectConfig] = (),
+        law_error: float | None = None,
     ) -> None:
         self.bench, self.backend, self.measurement = bench, backend, measurement
+        self.law_error = law_error
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
@@ -105,7 +108,7 @@ class Predictor:
             )
         chain = chain_of_study(bench, study).chain
         check_capabilities(backend, chain, physics.kind)
-        return Predictor(bench, backend, chain, measurement, study.effects)
+        return Predictor(bench, backend, chain, measurement, study.effects, study.law_error)
 
     def for_runs(self, measurement: Measurement) -> Predictor:
         """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""

@@ -1,0 +1,322 @@
+"""The error of the joint law itself, which is part of every hypothesis.
+
+The effort of a real module is τ(a, u) + δ(a, u), with actuation a, deformation u, and a static error δ of the law that
+nobody knows. Its prior is a Gaussian process with standard deviation s T,
+
+    δ ~ GP(0, (s T)² exp(−½ (Δa / ℓ_a)² − ½ (Δu / ℓ_u)²)),
+
+T the torque range of the law, s the share of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63,
+2001; Brynjarsdóttir & O'Hagan, Inverse Problems 30, 2014, on why its prior matters). δ is written over the directions
+that the readings feel, δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their
+sensitivities B, which the engine gives at each fit. With weight w = n_eff / (N σ²) of a reading, its marginal
+likelihood is Gaussian with the precision
+
+    V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
+
+The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a grid
+(`LawErrorPrior`). What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from pliant.diagnosis.learned_forms import KIND, LearnedForm, SeenMotion
+from pliant.errors import PliantError
+from pliant.evidence.prediction import Predictor
+from pliant.interfaces.effect import EffectConfig
+from pliant.mechanics.learned_curve import CurveAxis
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+
+# Knots of δ along actuation and angle, and the lengths over which it changes, as shares of what the runs visit.
+KNOTS = {"actuation": 5, "angle": 7}
+LENGTHS = {"actuation": 0.5, "angle": 0.35}
+# The basis reaches this share of the visited range beyond it: other hypotheses visit other states.
+BEYOND = 0.1
+# Directions along which a prior of the largest usual size moves the readings less than this, in noise floors, are none.
+LEAST_FELT = 0.05
+MOST_DIRECTIONS = 12
+# Change of a coefficient with which sensitivities are taken.
+STEP = 1e-3
+JITTER = 1e-8
+
+
+@dataclass(frozen=True)
+class LawErrorPrior:
+    """Log-normal prior of the size s, a share of the torque range, on a grid.
+
+    Attributes:
+        median: the size that is as likely exceeded as not.
+        spread: standard deviation of ln s.
+        most: the largest size that is considered.
+    """
+
+    median: float
+    spread: float
+    most: float
+    least: float = 2e-4
+    count: int = 15
+
+    @staticmethod
+    def stated(share: float) -> LawErrorPrior:
+        """Return the prior of a law whose error is stated: about the half of it, never above twice of it."""
+        return LawErrorPrior(0.5 * share, np.log(2.0), 2.0 * share, least=0.05 * share)
+
+    @property
+    def sizes(self) -> Array:
+        """(n,) the grid."""
+        return np.geomspace(self.least, self.most, self.count)
+
+    @property
+    def log_weights(self) -> Array:
+        """(n,) log prior probability of each size of the grid."""
+        logs = -0.5 * (np.log(self.sizes / self.median) / self.spread) ** 2
+        return np.asarray(logs - np.log(np.sum(np.exp(logs))))
+
+    @property
+    def large(self) -> float:
+        """A size that is exceeded in one of ten laws."""
+        return float(min(self.median * np.exp(1.2816 * self.spread), self.most))
+
+
+# Without a statement: a law from FEM of rubber, or fitted to a bench, is usually off by 0.3 to 3 % of its range.
+USUAL = LawErrorPrior(median=0.01, spread=np.log(2.2), most=0.06)
+
+
+def prior_of(law_error: float | None) -> LawErrorPrior:
+    """Return the prior that a study's `law_error` states, or the usual one without it."""
+    return USUAL if law_error is None else LawErrorPrior.stated(law_error)
+
+
+@dataclass(frozen=True, eq=False)
+class LawErrorBasis:
+    """Directions of δ that the readings feel.
+
+    Attributes:
+        form: the surface over actuation and angle that holds δ.
+        directions: (K, m) values at its knots, N·m or N, of each direction at the coefficient 1.
+        effort: T, the torque range of the law.
+    """
+
+    form: LearnedForm
+    directions: Array
+    effort: float
+
+    def __len__(self) -> int:
+        return self.directions.shape[1]
+
+    def effect(self, predictor: Predictor, coefficient: Array) -> EffectConfig:
+        """Return δ with these coefficients (m,) as an effect of a study."""
+        config = predictor.bench.registry.get("effect", KIND).config_model()
+        block = self.form.block(self.directions @ coefficient)
+        return cast(EffectConfig, config.model_validate(block))
+
+
+def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
+    """Return T: the largest effort among those of the visited actuations at rest and of the visited deformations.
+
+    Args:
+        chain: the chain; its first law counts.
+        axes: the ranges that the runs visit.
+    """
+    law = chain.laws[0]
+    ends = {axis.name: np.array([axis.low, axis.high]) for axis in axes}
+    efforts = []
+    if "actuation" in ends:
+        m = len(law.actuations)
+        pushed = ends["actuation"] if m == 1 else np.repeat(ends["actuation"][:, None] / m, m, axis=1)
+        efforts.append(law.evaluate(pushed, np.zeros((2, len(law.axes)))).tau)
+    if "angle" in ends:
+        for axis in range(len(law.axes)):
+            bent = np.zeros((2, len(law.axes)))
+            bent[:, axis] = ends["angle"]
+            efforts.append(law.evaluate(law.unactuated(2), bent).tau[:, axis])
+    finite = [np.abs(e[np.isfinite(e)]).max(initial=0.0) for e in efforts]
+    return float(max(finite, default=0.0))
+
+
+def law_error_basis(predictor: Predictor) -> LawErrorBasis | None:
+    """Return δ over what these runs visit; None where the law's error cannot show."""
+    if KIND not in predictor.bench.registry.kinds("effect"):
+        return None
+    try:
+        seen = SeenMotion(predictor)
+    except PliantError:
+        return None
+    found = [axis for name, knots in KNOTS.items() for axis in seen.axes(name, knots, "moment")]
+    axes = tuple(axis for axis in found if axis.knots > 2)
+    if not axes:
+        return None
+    effort = effort_range(predictor.chain, axes)
+    if not effort > 0.0:
+        return None
+    wide = tuple(_wider(axis) for axis in axes)
+    root = _prior_root(wide)
+    return LawErrorBasis(LearnedForm("moment", wide), effort * root, effort)
+
+
+def _wider(axis: CurveAxis) -> CurveAxis:
+    """Return the axis with its range widened by `BEYOND` at both ends."""
+    more = BEYOND * (axis.high - axis.low)
+    low, high = (float(f"{end:.6g}") for end in (axis.low - more, axis.high + more))
+    return CurveAxis(axis.name, low, high, axis.knots, axis.scale)
+
+
+def _prior_root(axes: tuple[CurveAxis, ...]) -> Array:
+    """Return L (K, K) with L Lᵀ the prior covariance of the values at the knots, for a unit standard deviation."""
+    kernel: Array = np.ones((1, 1))
+    for axis in axes:
+        at = np.linspace(-BEYOND, 1.0 + BEYOND, axis.knots)
+        apart = (at[:, None] - at[None]) / LENGTHS[axis.name]
+        kernel = np.asarray(np.kron(kernel, np.exp(-0.5 * apart**2)), float)
+    values, vectors = np.linalg.eigh(kernel + JITTER * np.eye(len(kernel)))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def strongest(basis: LawErrorBasis, columns: Array, most: float) -> tuple[LawErrorBasis, Array]:
+    """Return the directions that the readings feel at the size `most`, orthogonal in the readings, and their columns.
+
+    Args:
+        basis: any directions with unit prior.
+        columns: (N, K) change of the readings, in noise floors, per unit of each coefficient.
+        most: a size, as a share of the torque range.
+    """
+    left, sizes, right = np.linalg.svd(columns, full_matrices=False)
+    felt = most * sizes / np.sqrt(len(columns)) > LEAST_FELT
+    felt[MOST_DIRECTIONS:] = False
+    kept = LawErrorBasis(basis.form, basis.directions @ right[felt].T, basis.effort)
+    return kept, left[:, felt] * sizes[felt]
+
+
+@dataclass(frozen=True, eq=False)
+class LawError:
+    """What the readings of a fit say about δ.
+
+    Attributes:
+        columns: (N, m) B, change of the readings per unit of each coefficient, in noise floors.
+        coefficient: (m,) its posterior mean.
+        size: s, the most probable share of the torque range.
+        precision: of each coefficient, in units of squared residuals: 1 / (w s²).
+        price: log-odds that δ costs: its prior and Occam's factor, the size integrated.
+    """
+
+    columns: Array
+    coefficient: Array
+    size: float
+    precision: float
+    price: float
+
+    @property
+    def change(self) -> Array:
+        """(N,) what δ changes, in noise floors."""
+        return np.asarray(self.columns @ self.coefficient)
+
+    @property
+    def penalty(self) -> float:
+        """What the prior adds to the sum of squared residuals."""
+        return float(self.precision * (self.coefficient @ self.coefficient))
+
+    @property
+    def normal(self) -> Array:
+        """(m, m) BᵀB + I / (w s²)."""
+        return np.asarray(self.columns.T @ self.columns + self.precision * np.eye(len(self.coefficient)))
+
+    def posterior_root(self) -> Array:
+        """Return R (m, m) with σ²-scaled covariance R Rᵀ of the coefficients, in units of squared residuals."""
+        values, vectors = np.linalg.eigh(self.normal)
+        return np.asarray(vectors / np.sqrt(values))
+
+    def reduce(self, slopes: Array) -> Array:
+        """Return (k, k) JᵀJ of slopes (N, k) with δ marginalised, in units of 1 / σ²."""
+        across = slopes.T @ self.columns
+        return np.asarray(slopes.T @ slopes - across @ np.linalg.solve(self.normal, across.T))
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """The linear map W with WᵀW = V⁻¹ / w: it takes what δ may do out of residuals and slopes.
+
+    Attributes:
+        basis: (N, m) orthonormal directions.
+        factor: (m,) W along each, between 0 and 1.
+    """
+
+    basis: Array
+    factor: Array
+
+    @staticmethod
+    def of(columns: Array, precision: float) -> Whitener:
+        """Return W for sensitivities B (N, m) and a precision 1 / (w s²) of the coefficients."""
+        left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        return Whitener(left, 1.0 / np.sqrt(1.0 + sizes**2 / precision))
+
+    def apply(self, values: Array) -> Array:
+        """Return W times a vector (N,) or columns (N, k)."""
+        return self._scaled(values, self.factor - 1.0)
+
+    def undo(self, values: Array) -> Array:
+        """Return the inverse of `apply`."""
+        return self._scaled(values, 1.0 / self.factor - 1.0)
+
+    def _scaled(self, values: Array, by: Array) -> Array:
+        along = self.basis.T @ values
+        return np.asarray(values + self.basis @ (by[:, None] * along if along.ndim > 1 else by * along))
+
+
+# Mean squares below this are those of data without noise.
+LEAST_SQUARE = 1e-6
+ROUNDS = 3
+
+
+def precision_of(size: float, n_readings: int, n_effective: float, square: float) -> float:
+    """Return 1 / (w s²), with σ² the `square` of the noise in a reading."""
+    return n_readings * max(square, LEAST_SQUARE) / (max(n_effective, 2.0) * size**2)
+
+
+def estimate(
+    raw: Array, slopes: Array, pulls: Array, columns: Array, prior: LawErrorPrior, n_effective: float
+) -> LawError:
+    """Return what readings say about δ at a fit.
+
+    The size is weighed with the parameters x refitted to first order; the coefficients are those at x.
+
+    Args:
+        raw: (N,) reading − prediction without δ, in noise floors.
+        slopes: (N, k) of the parameters that are free to follow.
+        pulls: (k,) their prior weights, in units of squared residuals.
+        columns: (N, m) B.
+        prior: of the size.
+        n_effective: independent readings.
+    """
+    n, n_readings = max(n_effective, 2.0), len(raw)
+    sizes, logs = prior.sizes, prior.log_weights
+    whole = np.column_stack([slopes, columns])
+    k = slopes.shape[1]
+    gram, right, total = whole.T @ whole, whole.T @ raw, float(raw @ raw)
+    gram[np.arange(k), np.arange(k)] += pulls + JITTER * (np.diag(gram)[:k] + 1.0)
+    alone = gram[k:, k:] - gram[k:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k, k:]) if k else gram
+    known = np.maximum(np.linalg.eigvalsh(alone), 0.0)
+    evidence, precisions = np.empty(len(sizes)), np.empty(len(sizes))
+    squares = np.empty(len(sizes))
+    for index, size in enumerate(sizes):
+        square = max(total / n_readings, LEAST_SQUARE)
+        for _ in range(ROUNDS):
+            precision = precision_of(float(size), n_readings, n, square)
+            weighted = gram + np.diag(np.r_[np.zeros(k), np.full(len(gram) - k, precision)])
+            best = np.linalg.solve(weighted, right)
+            left = max(total - float(best @ right), 0.0) / n_readings
+            square = max(left, LEAST_SQUARE)
+        occam = 0.5 * float(np.sum(np.log1p(known / precision)))
+        evidence[index] = -0.5 * n * np.log(square) - occam + logs[index]
+        precisions[index], squares[index] = precision, square
+    top = int(np.argmax(evidence))
+    total_evidence = float(evidence[top] + np.log(np.sum(np.exp(evidence - evidence[top]))))
+    price = -0.5 * n * float(np.log(squares[top])) - total_evidence
+    precision = float(precisions[top])
+    normal = columns.T @ columns + precision * np.eye(columns.shape[1])
+    coefficient = np.asarray(np.linalg.solve(normal, columns.T @ raw), float)
+    return LawError(columns, coefficient, float(sizes[top]), precision, max(price, 0.0))
