@@ -5,6 +5,11 @@ right by class where it holds the truth, and never strictly. A wrong kind is nam
 of its class, has an effect that is not hidden and not of a class with one that is. A false alarm is an answer to a
 clean set that says that something is missing: another verdict than nothing_missing, or `ambiguous` between effects
 without the plain model.
+
+Where the joint law is off (labels with a `law_error`) its own shape, `law` among kinds, is part of every truth: it may
+stand beside the effects that are named or not. `law_off` is no alarm there, and right of a clean set. Of a hidden
+effect it is right by class where the answer declared a class that holds both. A mistake of the record is right where it
+is among the `mistakes` that are told, or where an effect is named that says the same.
 """
 
 from __future__ import annotations
@@ -12,7 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -20,13 +25,27 @@ from typing import Any
 
 import numpy as np
 from benchmarks.evidence.oracle import choice
-from benchmarks.evidence.truths import CLEAN, UNKNOWN, hidden_kinds
+from benchmarks.evidence.truths import (
+    CLEAN,
+    LAW,
+    LAW_OFF,
+    MISTAKES,
+    STATIC_UNKNOWN,
+    UNKNOWN,
+    hidden_kinds,
+)
 
 HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
 Z_95 = 1.959963984540054
 SNR_EDGES = (0.0, 0.75, 1.25, 2.0, 2.5, 3.5)
 RELIABILITY_BINS = 10
+LAW_EDGES = (0.003, 0.006, 0.012, 0.03)
+# An answer that is stated so probable is certain to its reader; of a normal distribution 90 % are within so many sd.
+CERTAIN, Z_90 = 0.99, 1.6448536269514722
+Kinds = tuple[str, ...]
+# Groups with tables of their own.
+OTHERS = ("missed", "interval", "payload", "clock", "gravity")
 ITS_CLASS, ANOTHER_CLASS = "its class", "another class"
 
 
@@ -46,6 +65,12 @@ class Judged:
         top_probability, top_right: of the most probable hypothesis; None without one.
         oracle_right: the scorer with the true forms finds the kind; None where it was not asked.
         end_over_floor: held-out error over the floor at the end of `improve`; None otherwise.
+        law_error: share of the torque range by which the law is off; 0 in the bed of exact laws.
+        separable: no class that the answer declared holds what is hidden; None where no effect is.
+        truth_fitted: what is hidden is among the hypotheses that were fitted; None where that is not known.
+        intervals: of each parameter of the hidden effect, where its equation is the candidate's: name, whether the
+            stated 90 % interval holds its value, and by how many stated sd the estimate is off.
+        told: mistakes of the record that the answer tells.
     """
 
     group: str
@@ -72,6 +97,11 @@ class Judged:
     end_over_floor: float | None
     wall_s: float
     cpu_s: float
+    law_error: float = 0.0
+    separable: bool | None = None
+    truth_fitted: bool | None = None
+    intervals: tuple[tuple[str, bool, float], ...] = ()
+    told: tuple[str, ...] = ()
 
     @property
     def form(self) -> str:
@@ -86,31 +116,34 @@ class Judged:
 
 def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "diagnose") -> Judged:
     """One line of results (`error` or `result`, `wall_s`) beside its opened label."""
-    result: dict[str, Any] = line.get("result") or {}
-    kind = label["kind"]
-    selected = _selected(result)
+    kind, off = label["kind"], bool(label.get("law_error"))
+    result = _renamed(line.get("result") or {}, kind)
+    told = tuple(sorted(one["kind"] for one in result.get("mistakes") or ()))
+    selected = _selected(result, off)
     # `improve` says what it added, step by step.
     added = ("missing_effect" if selected else "nothing_missing") if "steps" in result else ERROR
     verdict = ERROR if line.get("error") else str(result.get("verdict", added))
-    names = [_kinds(h) for h in result.get("credible_set") or []]
+    names = [_kinds(h, off) for h in result.get("credible_set") or []]
     classes = [frozenset(one["kinds"]) for one in result.get("classes") or []]
     hypotheses = sorted(result.get("hypotheses") or [], key=lambda h: -h["probability"])
     truth = ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
-    credible = truth in names if names else None
-    top = hypotheses[0] if hypotheses else None
+    # Of what is static the law's own shape is the other true name, where the law is off.
+    truths = {truth, ()} if off and kind in STATIC_UNKNOWN else {truth}
+    credible = any(one in truths for one in names) if names else None
+    top = hypotheses[0] if hypotheses and not told else None
     over = [step["rmse_over_floor"] for step in result.get("steps") or []]
-    group_of = _class(result)
-    held = any(one == truth for one in group_of)
+    group_of = _class(result, off)
+    held = any(one in truths for one in group_of)
     outcome = _outcome(kind, label["right"], verdict, selected)
     if group_of and outcome != ERROR:
         outcome = "class" if held else "wrong"
-    same = right_by_class(truth, verdict, selected, names, classes)
+    same = right_by_class(truth, verdict, selected, names, classes, off)
     by_class = held if group_of else outcome == "right" or same
     named = group_of or ([tuple(selected)] if verdict == "missing_effect" else [])
+    wrong_kind = bool(named) and not held and all(_foreign(kinds, truth, classes) for kinds in named)
+    if kind in MISTAKES and set(told) & set(MISTAKES[kind][1]) and not wrong_kind and outcome != ERROR:
+        outcome, by_class = "right", True
     squares = label.get("mean_squares")
-    alarm = verdict not in ("nothing_missing", "insufficient_data", ERROR)
-    if verdict == "ambiguous":
-        alarm = bool(names) and () not in names
     return Judged(
         group=group,
         mode=mode,
@@ -124,12 +157,12 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
         answer=_answer(verdict, selected, group_of, held),
         outcome=outcome,
         by_class=by_class,
-        wrong_kind=bool(named) and not held and all(_foreign(kinds, truth, classes) for kinds in named),
-        alarm=alarm,
+        wrong_kind=wrong_kind,
+        alarm=_alarm(verdict, names, off and (held or verdict == LAW_OFF)),
         in_credible_set=credible,
         credible_size=len(names) if names else None,
         top_probability=top and float(top["probability"]),
-        top_right=top and _kinds(top) == truth,
+        top_right=top and _kinds(top, off) in truths,
         oracle_right=choice(squares, result["n_effective"]) == kind
         if squares and "n_effective" in result
         else None,
@@ -138,20 +171,59 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
         end_over_floor=over[-1] if over else None,
         wall_s=float(line["wall_s"]),
         cpu_s=float(line.get("cpu_s", line["wall_s"])),
+        law_error=float(label.get("law_error") or 0.0),
+        separable=_separable(truth, classes),
+        truth_fitted=result.get("truth_fitted", truth_fitted(label, result)),
+        intervals=intervals(label, hypotheses),
+        told=told,
     )
 
 
+def is_truth(label: Mapping[str, Any], hypothesis: Any) -> bool:
+    """The hypothesis is what is hidden, with or without the law's own shape where that is off."""
+    kinds = _renamed({"selected": _kinds(hypothesis, False)}, label["kind"])["selected"]
+    return _kinds(kinds, bool(label.get("law_error"))) == hidden_kinds(label["kind"])
+
+
+def truth_fitted(label: Mapping[str, Any], result: Mapping[str, Any]) -> bool | None:
+    """What is hidden is among the hypotheses; None without any, or where it is no effect."""
+    hypotheses = result.get("hypotheses")
+    if not hypotheses or label["kind"] in (CLEAN, *UNKNOWN):
+        return None
+    return any(is_truth(label, one) for one in hypotheses)
+
+
+def intervals(
+    label: Mapping[str, Any], hypotheses: Sequence[Mapping[str, Any]]
+) -> tuple[tuple[str, bool, float], ...]:
+    """Of each parameter that the label states and the hypothesis of the truth estimates: name, held, and sd off."""
+    wanted = label.get("parameters") or {}
+    stated = next((h.get("parameters") or {} for h in hypotheses if is_truth(label, h)), {})
+    found = []
+    for name, value in wanted.items():
+        if name not in stated:
+            continue
+        one = stated[name]
+        sd = float(one.get("sd") or math.nan)
+        low, high = (one.get(end) for end in ("low", "high"))
+        low = one["value"] - Z_90 * sd if low is None else low
+        high = one["value"] + Z_90 * sd if high is None else high
+        found.append((name, bool(low <= value <= high), float((one["value"] - value) / sd)))
+    return tuple(found)
+
+
 def right_by_class(
-    truth: tuple[str, ...],
+    truth: Kinds,
     verdict: str,
     selected: Sequence[str],
-    credible: Sequence[tuple[str, ...]],
+    credible: Sequence[Kinds],
     classes: Sequence[frozenset[str]],
+    law_is_off: bool = False,
 ) -> bool:
     """Right but for kinds of one class, as the answer declared them from inputs, model and noise alone.
 
     The verdict names the truth up to exchanges within classes, or it is `ambiguous` and every hypothesis that holds its
-    90 % does.
+    90 % does. `law_off` names the law's own shape beside what is selected; where the law is off every answer does.
     """
     if not truth or truth == ("unknown",):
         return False
@@ -162,21 +234,57 @@ def right_by_class(
             for order in itertools.permutations(kinds)
         )
 
+    def same_with_law(kinds: Sequence[str]) -> bool:
+        return same(kinds) or (law_is_off and same((*kinds, LAW)))
+
+    if verdict == LAW_OFF:
+        return same(tuple(dict.fromkeys((*selected, LAW))))
     if verdict == "missing_effect":
-        return same(selected)
-    return verdict == "ambiguous" and bool(credible) and all(same(kinds) for kinds in credible)
+        return same_with_law(selected)
+    return verdict == "ambiguous" and bool(credible) and all(same_with_law(kinds) for kinds in credible)
 
 
-def _class(result: dict[str, Any]) -> list[tuple[str, ...]]:
+def _renamed(result: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """The result with every effect that says the mistake that is hidden under the mistake's own name."""
+    names = {name: one for one in hidden_kinds(kind) for name in MISTAKES.get(one, ((), ()))[0]}
+    if not names:
+        return dict(result)
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, str):
+            return names.get(value, value)
+        if isinstance(value, Mapping):
+            return {key: renamed(one) if key == "kinds" else one for key, one in value.items()}
+        return [renamed(one) for one in value] if isinstance(value, list | tuple) else value
+
+    keys = ("selected", "hypotheses", "credible_set", "classes", "selected_class", "beside_class")
+    return {key: renamed(value) if key in keys else value for key, value in result.items()}
+
+
+def _separable(truth: Kinds, classes: Sequence[frozenset[str]]) -> bool | None:
+    """No declared class of two or more holds one of the hidden effects."""
+    if not truth or truth == ("unknown",):
+        return None
+    return not any(len(one) > 1 and set(truth) & one for one in classes)
+
+
+def _alarm(verdict: str, credible: Sequence[Kinds], law_alone: bool) -> bool:
+    if law_alone or verdict in ("nothing_missing", "insufficient_data", ERROR):
+        return False
+    return not (verdict == "ambiguous" and (not credible or () in credible))
+
+
+def _class(result: dict[str, Any], law_is_off: bool) -> list[Kinds]:
     """What the answer is a class of: each member with what is missing beside it; empty where it is none."""
     members, beside = result.get("selected_class") or [], result.get("beside_class") or []
-    return [tuple(sorted((*beside, one))) for one in members] if len(members) > 1 else []
+    return [_kinds((*beside, one), law_is_off) for one in members] if len(members) > 1 else []
 
 
 def _foreign(kinds: Sequence[str], truth: Sequence[str], classes: Sequence[frozenset[str]]) -> bool:
     """One of the kinds is not hidden, nor of a class with one that is."""
     return any(
-        kind not in truth and not any({kind, one} <= c for one in truth for c in classes) for kind in kinds
+        kind not in (*truth, LAW) and not any({kind, one} <= c for one in truth for c in classes)
+        for kind in kinds
     )
 
 
@@ -186,17 +294,18 @@ def _answer(verdict: str, selected: Sequence[str], group_of: Sequence[Any], held
     return " + ".join(selected) if verdict == "missing_effect" else verdict
 
 
-def _kinds(hypothesis: Any) -> tuple[str, ...]:
-    """A hypothesis is an object with `kinds`, or the list of kinds itself."""
-    return tuple(sorted(hypothesis["kinds"] if isinstance(hypothesis, dict) else hypothesis))
+def _kinds(hypothesis: Any, law_is_off: bool) -> Kinds:
+    """The sorted kinds of a hypothesis, an object with `kinds` or a list; without the law's shape where that is off."""
+    kinds = hypothesis["kinds"] if isinstance(hypothesis, dict) else hypothesis
+    return tuple(sorted(kind for kind in kinds if not (law_is_off and kind == LAW)))
 
 
-def _selected(result: dict[str, Any]) -> list[str]:
+def _selected(result: dict[str, Any], law_is_off: bool) -> list[str]:
     if "selected" in result:
-        return sorted(result["selected"])
+        return list(_kinds(result["selected"] or (), law_is_off))
     added = [step.get("added") or [] for step in result.get("steps") or []]
     flat = [kind for kinds in added for kind in ([kinds] if isinstance(kinds, str) else kinds)]
-    return sorted(flat)
+    return list(_kinds(flat, law_is_off))
 
 
 def _outcome(kind: str, right: Sequence[str], verdict: str, selected: list[str]) -> str:
@@ -242,7 +351,7 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
     effects, pairs, weak = ([i for i in of.get(name, []) if i.excited] for name in ("effect", "pair", "weak"))
     clean, unknown = of.get("clean", []), of.get("unknown", [])
     alarms = partial(share, of=attrgetter("alarm"))
-    single = [i for i in asked if i.group not in ("unknown", "weak", "pair")]
+    single = [i for i in asked if i.group not in ("unknown", "weak", "pair", *OTHERS)]
     stated = [i for i in asked if i.excited]
     return {
         "n": len(items),
@@ -268,6 +377,21 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
         "by_form": {kind: each(both, rows, "form") for kind, rows in _grouped(effects, "kind").items()},
         **{name: _quick(of.get(name, [])) for name in ("midway", "coarse", "rod")},
         "pairs": both(pairs),
+        "split": {g: splittable([i for i in rows if i.excited]) for g, rows in of.items()},
+        "fitted": {
+            g: share([i for i in of.get(g, []) if i.truth_fitted is not None], attrgetter("truth_fitted"))
+            for g in ("effect", "pair")
+        },
+        "certain": certain(asked),
+        "intervals": covered(items),
+        **{name: both([i for i in of.get(name, []) if i.excited]) for name in OTHERS},
+        "told_wrongly": share([i for i in asked if i.kind not in MISTAKES], attrgetter("told")),
+        "by_law": [
+            {"above": low, "below": high, **both(rows)}
+            for low, high, rows in banded(
+                [i for i in effects if i.law_error], attrgetter("law_error"), LAW_EDGES
+            )
+        ],
         "ambiguous": {g: share(rows, lambda i: i.outcome == "ambiguous") for g, rows in of.items()},
         "credible_set": _credible(stated),
         "calibration": reliability(stated),
@@ -276,6 +400,37 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
         "improve": _improve([item for item in items if item.group == "improve"]),
         "confusion": {g: each(_answers, rows, "kind") for g, rows in of.items()},
     }
+
+
+def splittable(items: Sequence[Judged]) -> dict[str, Any]:
+    """Of sets with effects: the share whose class could be split, and of that share the strictly right ones."""
+    known = [item for item in items if item.separable is not None]
+    could = [item for item in known if item.separable]
+    return {"could": share(known, attrgetter("separable")), "strictly": share(could)}
+
+
+def certain(items: Iterable[Judged]) -> dict[str, Any]:
+    """Of answers that are stated at 99 % or more: the share that is right by class."""
+    stated = [i for i in items if i.top_probability is not None and i.top_probability >= CERTAIN]
+    return share(stated, attrgetter("by_class"))
+
+
+def covered(items: Iterable[Judged]) -> dict[str, Any]:
+    """How many stated 90 % intervals hold the value that was hidden, all and parameter by parameter."""
+    named: dict[str, list[tuple[bool, float]]] = {}
+    for item in items:
+        for name, held, off in item.intervals:
+            named.setdefault(name, []).append((held, off))
+    every = [one for rows in named.values() for one in rows]
+    return {"all": _coverage(every), **{name: _coverage(named[name]) for name in sorted(named)}}
+
+
+def _coverage(rows: Sequence[tuple[bool, float]]) -> dict[str, Any]:
+    right, n = sum(held for held, _ in rows), len(rows)
+    low, high = wilson(right, n)
+    off = [abs(z) for _, z in rows if math.isfinite(z)]
+    found = {"right": right, "n": n, "share": right / n if n else None, "low": low, "high": high}
+    return found | {"median_sd_off": float(np.median(off)) if off else None}
 
 
 def each(of: Callable[[list[Judged]], Any], items: Iterable[Judged], attribute: str) -> dict[str, Any]:
