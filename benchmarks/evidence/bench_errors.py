@@ -1,4 +1,4 @@
-"""What a bench writes down wrongly: payloads that are not what their label says, and clocks that disagree.
+"""What a bench writes down wrongly: payloads unlike their label, clocks that disagree, a study's gravity.
 
 A protocol is what stands in the file. `done` returns what was done: the runs that the truth follows. The clock is that
 of the readings; the inputs (drive, load, valve) were logged by another one, so that a reading at t belongs to the
@@ -8,14 +8,28 @@ them on a finer clock, and the samples of the file are kept.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from benchmarks.evidence.protocols import Protocol, Run
+from benchmarks.evidence.robots import GRAVITY_M_S2
 
+Vector = tuple[float, float, float]
 FINE_S = 0.04
 # Runs are late by unlike amounts: the cosine of the run's number in golden angles.
 GOLDEN_RAD = 2.399963
+# What the bench wrote down wrongly: the effects that say so, and the findings about the record that do.
+MISTAKES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "wrong_payload": (("payload_error",), ("payload",)),
+    "wrong_clock": (("clock_offset", "clock_drift"), ("clock",)),
+    "wrong_gravity": ((), ("gravity", "orientation")),
+}
+# They are as large as they are: a planet's gravity is not scaled.
+UNSCALED = ("wrong_gravity",)
+# Loaded runs of the protocol with payloads.
+LOADED_RUNS = 16
 
 
 @dataclass(frozen=True)
@@ -91,3 +105,49 @@ def _late(run: Run, late_s: float, drift: float) -> Run:
         time_s=time_s,
         kept=samples,
     )
+
+
+def _wrong_payload(s: float, v: Any) -> dict[str, float]:
+    if hasattr(v, "one_run"):
+        return {"label_run": 1.0 + int(v.at * LOADED_RUNS), "label_run_off": 0.3 * v.sign * s}
+    if hasattr(v, "hook"):
+        return {"label_hook": 0.3 * s}
+    return {"label_level" if hasattr(v, "level") else "label_factor": 0.3 * v.sign * s}
+
+
+def _wrong_clock(s: float, v: Any) -> dict[str, float]:
+    if hasattr(v, "offset"):
+        return {"clock_late_s": 0.3 * v.sign * s}
+    return {"clock_drift": 2e-3 * v.sign * s} if hasattr(v, "drift") else {"clock_session": 1e-4 * v.sign * s}
+
+
+def _wrong_gravity(s: float, v: Any) -> dict[str, float]:
+    real, stated = gravities(v)
+    return {
+        f"gravity_{axis}_m_s2": (1.0 - s) * one + s * other
+        for axis, one, other in zip("xyz", stated, real, strict=True)
+    }
+
+
+def gravities(v: Any) -> tuple[Vector, Vector]:
+    """Gravity as it is and as the study has it, m/s²."""
+
+    def inclined(angle: float) -> Vector:
+        across = GRAVITY_M_S2 * np.sin(angle)
+        down = -GRAVITY_M_S2 * np.cos(angle)
+        x, y, z = (round(float(one), 6) for one in (across * np.cos(v.way), across * np.sin(v.way), down))
+        return x, y, z
+
+    return (
+        (inclined(v.mounted), (0.0, 0.0, 0.0))
+        if hasattr(v, "forgotten")
+        else (inclined(0.0), inclined(v.turned))
+    )
+
+
+# The largest strength of each mistake, and its fields at a strength.
+MISTAKE_CHANGES: Mapping[str, tuple[float, Callable[[float, Any], dict[str, float]]]] = {
+    "wrong_payload": (3.0, _wrong_payload),
+    "wrong_clock": (8.0, _wrong_clock),
+    "wrong_gravity": (1.0, _wrong_gravity),
+}

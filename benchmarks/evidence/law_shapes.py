@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from benchmarks.evidence import functional_truth
 from benchmarks.evidence.form_table import LAW_SHAPES, SPLITS, Split
 from benchmarks.evidence.forms import (
     BEND_NODES,
@@ -29,7 +31,9 @@ from benchmarks.evidence.forms import (
     SHARE_NODES,
     TYPICAL_ANGLE_RAD,
 )
-from benchmarks.evidence.robots import B_E, M_A, M_E, PEAK_TORQUE_N_M, PRESSURE_MAX_PA, Array
+from benchmarks.evidence.protocols import protocol
+from benchmarks.evidence.robots import B_E, M_A, M_E, PEAK_TORQUE_N_M, PRESSURE_MAX_PA, ROBOTS, Array
+from benchmarks.evidence.truths import Truth
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import spline_filter
 
@@ -93,6 +97,28 @@ def draw_law(size: float, split: Split, share: Array, angle_rad: Array, rng: np.
             largest = float(np.abs(left).max()) * scale / PEAK_TORQUE_N_M
             return LawShape(form, drawn, table, size, largest, count)
     raise RuntimeError(f"no shape of a law's error of {size:.1%} leaves the joint stiff")
+
+
+@cache
+def law_of(size: float, seed: int, split: Split, robot: str) -> LawShape:
+    """The error of a law by its size and its seed, over the states that the clean robot visits."""
+    return draw_law(size, split, *visited(robot), np.random.default_rng(seed))
+
+
+@cache
+def visited(name: str) -> tuple[Array, Array]:
+    """(s,) shares of the largest pressure and angles of every joint of the clean robot in all runs of `rich`.
+
+    A law is of a module, not of the runs of one day: the poor protocol's single curve could say nearly any shape.
+    """
+    robot = ROBOTS[name]
+    runs = protocol("rich", robot)
+    every = functional_truth.follow(robot, runs, Truth())
+    shares = [
+        np.repeat(run.pressure_pa / PRESSURE_MAX_PA, one.shape[1])
+        for run, one in zip(runs, every, strict=True)
+    ]
+    return np.concatenate(shares), np.concatenate([one.ravel() for one in every])
 
 
 def sayable(share: Array, bend: Array) -> Array:

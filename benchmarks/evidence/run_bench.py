@@ -41,11 +41,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
 from benchmarks.evidence import diagnosers, ledger, seal
-from benchmarks.evidence.judge import ERROR, summary
+from benchmarks.evidence.bench_errors import MISTAKES
+from benchmarks.evidence.counting import summary
+from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import as_text, expected_time
 from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Plan, Task, planned, small_plan
-from benchmarks.evidence.truths import CLEAN, KINDS, MISTAKES, UNKNOWN
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
 from benchmarks.output import OUT, parser_of
 

@@ -9,14 +9,13 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, rod_truth
 from benchmarks.evidence.bench_errors import done
 from benchmarks.evidence.form_table import Split
-from benchmarks.evidence.law_shapes import LawShape, draw_law, draw_pull
+from benchmarks.evidence.law_shapes import draw_pull, law_of
 from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, ROD, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
@@ -217,28 +216,6 @@ def truth_of(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTru
     return replace(
         truth, error={}, drawn=drawn | {f"law.{k}": v for k, v in law.drawn.items()}, law=law.table
     )
-
-
-@cache
-def law_of(size: float, seed: int, split: Split, robot: str) -> LawShape:
-    """The error of a law by its size and its seed, over the states that the clean robot visits."""
-    return draw_law(size, split, *visited(robot), np.random.default_rng(seed))
-
-
-@cache
-def visited(name: str) -> tuple[Array, Array]:
-    """(s,) shares of the largest pressure and angles of every joint of the clean robot in all runs of `rich`.
-
-    A law is of a module, not of the runs of one day: the poor protocol's single curve could say nearly any shape.
-    """
-    robot = ALL_ROBOTS[name]
-    runs = protocol("rich", robot)
-    every = functional_truth.follow(robot, runs, Truth())
-    shares = [
-        np.repeat(run.pressure_pa / PRESSURE_MAX_PA, one.shape[1])
-        for run, one in zip(runs, every, strict=True)
-    ]
-    return np.concatenate(shares), np.concatenate([one.ravel() for one in every])
 
 
 def _law_label(

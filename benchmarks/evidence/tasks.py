@@ -13,13 +13,13 @@ from typing import Literal
 
 import numpy as np
 from benchmarks.evidence import rod_truth
+from benchmarks.evidence.bench_errors import MISTAKES
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.law_shapes import SIZES
 from benchmarks.evidence.sets import SetSpec
 from benchmarks.evidence.truths import (
     CLEAN,
     KINDS,
-    MISTAKES,
     PAIRED,
     PARAMETERS,
     PLUS,

@@ -14,10 +14,17 @@ from typing import Any, Literal
 
 import numpy as np
 from benchmarks.evidence import rod_truth
-from benchmarks.evidence.bench_errors import BenchError
+from benchmarks.evidence.bench_errors import (
+    MISTAKE_CHANGES,
+    MISTAKES,
+    UNSCALED,
+    BenchError,
+    Vector,
+    gravities,
+)
 from benchmarks.evidence.form_table import CANDIDATE_FORMS, MISTAKE_FORMS, SPLITS, Split, forms_of
 from benchmarks.evidence.forms import Forms
-from benchmarks.evidence.robots import B_E, GRAVITY_M_S2, Array, Robot
+from benchmarks.evidence.robots import B_E, Array, Robot
 from benchmarks.evidence.rod_truth import Rod
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
@@ -82,14 +89,6 @@ UNKNOWN: Mapping[str, Right] = {
 # Of them, those that are functions of the actuation and the angle of a joint alone: where the law is off anyway, "the
 # law is off" says of them what can be known.
 STATIC_UNKNOWN = ("gain_bump", "wall_buckling", "detent")
-# What the bench wrote down wrongly: the effects that say so, and the findings about the record that do.
-MISTAKES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "wrong_payload": (("payload_error",), ("payload",)),
-    "wrong_clock": (("clock_offset", "clock_drift"), ("clock",)),
-    "wrong_gravity": ((), ("gravity", "orientation")),
-}
-# They are as large as they are: a planet's gravity is not scaled.
-UNSCALED = ("wrong_gravity",)
 # An answer that says that nothing is missing but the law's own shape, and the name of that shape in classes.
 LAW_OFF, LAW = "law_off", "law"
 # Where a kind makes sense: most sets are made of the first robot, some of the second.
@@ -145,7 +144,7 @@ class Part:
     change: Callable[[float], dict[str, float]]
     largest: float
     drawn: Mapping[str, float]
-    stated_gravity: tuple[float, float, float] | None = None
+    stated_gravity: Vector | None = None
 
     @property
     def unscaled(self) -> bool:
@@ -185,7 +184,7 @@ class HiddenTruth:
         return Truth(forms, body, sensor, replace(rod, rod_pull=self.pull), bench)
 
     @property
-    def stated_gravity(self) -> tuple[float, float, float] | None:
+    def stated_gravity(self) -> Vector | None:
         """What the study says of gravity; None where it says nothing."""
         return next((part.stated_gravity for part in self.parts if part.stated_gravity), None)
 
@@ -256,44 +255,6 @@ def _sensor_wave(s: float, v: Any) -> dict[str, float]:
     return {"wave_rad": 0.025 * v.read_modules * s, "wave_period_rad": v.wave_period * v.read_modules}
 
 
-def _wrong_payload(s: float, v: Any) -> dict[str, float]:
-    if hasattr(v, "one_run"):
-        return {"label_run": 1.0 + int(v.at * LOADED_RUNS), "label_run_off": 0.3 * v.sign * s}
-    if hasattr(v, "hook"):
-        return {"label_hook": 0.3 * s}
-    return {"label_level" if hasattr(v, "level") else "label_factor": 0.3 * v.sign * s}
-
-
-def _wrong_clock(s: float, v: Any) -> dict[str, float]:
-    if hasattr(v, "offset"):
-        return {"clock_late_s": 0.3 * v.sign * s}
-    return {"clock_drift": 2e-3 * v.sign * s} if hasattr(v, "drift") else {"clock_session": 1e-4 * v.sign * s}
-
-
-def _wrong_gravity(s: float, v: Any) -> dict[str, float]:
-    real, stated = _gravities(v)
-    return {
-        f"gravity_{axis}_m_s2": (1.0 - s) * one + s * other
-        for axis, one, other in zip("xyz", stated, real, strict=True)
-    }
-
-
-def _gravities(v: Any) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Gravity as it is and as the study has it, m/s²."""
-
-    def inclined(angle: float) -> tuple[float, float, float]:
-        across = GRAVITY_M_S2 * np.sin(angle)
-        down = -GRAVITY_M_S2 * np.cos(angle)
-        x, y, z = (round(float(one), 6) for one in (across * np.cos(v.way), across * np.sin(v.way), down))
-        return x, y, z
-
-    return (
-        (inclined(v.mounted), (0.0, 0.0, 0.0))
-        if hasattr(v, "forgotten")
-        else (inclined(0.0), inclined(v.turned))
-    )
-
-
 def _detent(s: float, v: Any) -> dict[str, float]:
     return {
         "detent": 1e-3 * s,
@@ -348,14 +309,6 @@ CHANGES: Mapping[str, tuple[float, Callable[[float, Any], dict[str, float]]]] = 
     "tilted_sensor": (8.0, lambda s, v: {"tilted_rad": 0.02 * v.read_modules * s}),
     "warm_sensor": (20.0, lambda s, v: {"warm_rad": 0.06 * v.sign * v.read_modules * s}),
 }
-# The same of what the bench wrote down wrongly.
-MISTAKE_CHANGES: Mapping[str, tuple[float, Callable[[float, Any], dict[str, float]]]] = {
-    "wrong_payload": (3.0, _wrong_payload),
-    "wrong_clock": (8.0, _wrong_clock),
-    "wrong_gravity": (1.0, _wrong_gravity),
-}
-# Loaded runs of the protocol with payloads.
-LOADED_RUNS = 16
 # The candidate's parameters, SI, by the fields of a set that has its equation.
 PARAMETERS: Mapping[str, Callable[[Any], dict[str, float]]] = {
     "backlash": lambda v: {"play_rad": v.play_rad},
@@ -402,7 +355,7 @@ def draw_part(
     read_modules = robot.modules if "angle_rad" in robot.outputs else 1
     v = SimpleNamespace(**numbers, robot=robot, read_modules=read_modules)
     fields = {name: value for name, value in numbers.items() if name in FIELDS and name != "scale"}
-    stated = _gravities(v)[1] if kind == "wrong_gravity" else None
+    stated = gravities(v)[1] if kind == "wrong_gravity" else None
     return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn, stated)
 
 
