@@ -446,7 +446,7 @@ MISTAKE_FORMS: Mapping[str, tuple[tuple[Form, ...], tuple[Form, ...]]] = {
     ),
     "wrong_clock": (
         (
-            _of("an offset", switch={"offset": 1.0}),
+            _of("an offset", switch={"offset": 1.0, "clock_jitter": 0.0}),
             _of("a drift within each run", switch={"drift": 1.0}),
         ),
         (

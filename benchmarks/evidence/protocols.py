@@ -7,6 +7,7 @@
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
 | `midway` | 30 | 3738 | 22 | as `rich`, but every recording begins in mid-transient, and some lack a stretch |
+| `rich_open` | 28 | 4010 | 23 | as `rich` without the closed valve: every recording begins at rest, or nearly so |
 | `payload` | 26 | 2852 | 19 | without and with payloads of two sizes, hanging and horizontal, filled and half filled |
 | `coarse` | 12 | 848 | 6 | steps and cycles as quick as 0.2 s of lag, sampled at 2.5 Hz |
 | `example` | 16 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
@@ -235,6 +236,7 @@ def _coarse(specimen: str) -> list[Run]:
 PROTOCOLS: dict[str, Callable[[], list[Run]]] = {
     "rich": lambda: [*_rich("A"), *_rich("B")],
     "rich_noload": lambda: [*_rich("A", False), *_rich("B", False)],
+    "rich_open": lambda: [run for run in (*_rich("A"), *_rich("B")) if run.valve_open is None],
     "rates": lambda: _rates("A"),
     "poor": lambda: [_medium("A", 3) for _ in range(5)],
     "midway": lambda: [_begun(run) for run in (*_rich("A"), *_rich("B"))],

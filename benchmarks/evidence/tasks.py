@@ -96,6 +96,8 @@ Bed = Literal["exact", "law_off"]
 BEDS: tuple[Bed, Bed] = ("exact", "law_off")
 # Of sets with two unknown effects that listed ones imitate by cancelling: others than those of `unknown`.
 MISSED, MISSED_SEED = ("tilted_sensor", "detent"), 2000
+# Where a recording begins while its pressure rises, what was before is not known, and no interval could hold.
+INTERVAL_PROTOCOL = "rich_open"
 # What the bench wrote down wrongly, by group: the kind, and the protocol that shows it.
 MISTAKE_GROUPS = {
     "payload": ("wrong_payload", "payload"),
@@ -182,7 +184,7 @@ class Plan:
             seeds = range(MISSED_SEED, MISSED_SEED + self.missed)
             every += [Task("missed", self._turn(kind, seed)) for seed in seeds]
         for kind in PARAMETERS:
-            sets = (self._set(kind, seed, "joint") for seed in range(self.interval))
+            sets = (self._set(kind, seed, "joint", INTERVAL_PROTOCOL) for seed in range(self.interval))
             every += [Task("interval", replace(spec, candidates=True)) for spec in sets]
         if self.bed == "law_off":
             every = [replace(task, spec=with_law_off(task.spec)) for task in every]
