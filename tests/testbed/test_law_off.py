@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.evidence import dump, law_shapes
+from benchmarks.evidence import dump, law_shapes, robots
 from benchmarks.evidence.bench_errors import BenchError, done
 from benchmarks.evidence.form_table import CANDIDATE_FORMS, LAW_SHAPES, SPLITS
 from benchmarks.evidence.forms import TYPICAL_ANGLE_RAD, law_error
@@ -243,6 +243,12 @@ def test_sets_of_the_bed_are_dumped_with_open_labels(
     dump.main(["--bed", "law_off", "--group", "interval", "--count", "2", "--out", str(tmp_path)])
     assert "law off by" in capsys.readouterr().out
     assert len(list(tmp_path.glob("*.csv"))) == len(list(tmp_path.glob("*_label.json"))) == 2
+
+
+def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robots, "LAW_ERROR_STATED", True)
+    exact, off = (ROBOTS["joint"].study("x", exact_law=known) for known in (True, False))
+    assert exact == off + "law_error: 0.5 %\n" and "law_error" not in off
 
 
 def test_the_grid_holds_what_is_visited() -> None:
