@@ -495,9 +495,9 @@ LAW_SHAPES: tuple[tuple[Form, ...], tuple[Form, ...]] = (
         _of("products of waves", switch={"waves": 2.0}, cycles=(0.4, 0.8)),
     ),
     (
-        _of("Gaussian bumps", switch={"bumps": 1.0}, width=(0.2, 0.4)),
+        _of("rational bumps", switch={"bumps": 1.0}, width=(0.2, 0.4)),
         _of("tanh ridges", switch={"ridges": 1.0}, width=(0.15, 0.4)),
-        _of("cubic splines", switch={"splines": 1.0}, knots=(0.35, 0.55)),
+        _of("rounded folds", switch={"folds": 1.0}, width=(0.08, 0.2)),
     ),
 )
 

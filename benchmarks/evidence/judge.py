@@ -9,7 +9,7 @@ without the plain model.
 Where the joint law is off (labels with a `law_error`) its own shape, `law` among kinds, is part of every truth: it may
 stand beside the effects that are named or not. `law_off` is no alarm there, and right of a clean set. Of a hidden
 effect it is right by class where the answer declared a class that holds both. A mistake of the record is right where it
-is among the `mistakes` that are told, or where an effect is named that says the same.
+stands in `bookkeeping`, or where an effect is named that says the same.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
     """One line of results (`error` or `result`, `wall_s`) beside its opened label."""
     kind, off = label["kind"], bool(label.get("law_error"))
     result = _renamed(line.get("result") or {}, kind)
-    told = tuple(sorted(one["kind"] for one in result.get("mistakes") or ()))
+    told = tuple(sorted(one["kind"] for one in result.get("bookkeeping") or ()))
     selected = _selected(result, off)
     # `improve` says what it added, step by step.
     added = ("missing_effect" if selected else "nothing_missing") if "steps" in result else ERROR

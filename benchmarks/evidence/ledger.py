@@ -135,8 +135,8 @@ def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, 
     if "classes" in result:
         result["classes"] = [{"kinds": one["kinds"]} for one in result["classes"] or ()]
     result.pop("next_experiment", None)
-    if "mistakes" in result:
-        result["mistakes"] = [{"kind": one["kind"]} for one in result["mistakes"] or ()]
+    if "bookkeeping" in result:
+        result["bookkeeping"] = [{"kind": one["kind"]} for one in result["bookkeeping"] or ()]
     kept = {name: line[name] for name in ("error", "added", "wall_s", "cpu_s") if name in line}
     known = {name: label[name] for name in LABEL if name in label}
     return _rounded({"group": group, "mode": mode, "label": known, "result": result, **kept})

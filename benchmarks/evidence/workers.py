@@ -17,7 +17,7 @@ from benchmarks.evidence.tasks import Task
 from pliant.store.store import write_atomically
 
 KEPT = {"verdict", "selected", "selected_class", "beside_class", "hypotheses", "credible_set", "classes"}
-KEPT |= {"n_effective", "next_experiment", "steps", "mistakes"}
+KEPT |= {"n_effective", "next_experiment", "steps", "bookkeeping"}
 # Of a hypothesis the judge needs no more, and of its parameters.
 HYPOTHESIS = ("kinds", "probability", "rmse_over_floor", "parameters")
 PARAMETER = ("value", "sd", "low", "high")

@@ -103,10 +103,10 @@ def test_sets_whose_class_could_be_split_are_counted_apart() -> None:
     [
         ({"verdict": "missing_effect", "selected": ["payload_error"]}, "right"),
         ({"verdict": "missing_effect", "selected": ["stiffness"]}, "wrong"),
-        ({"verdict": "unknown_effect", "selected": [], "mistakes": [{"kind": "payload"}]}, "right"),
-        ({"verdict": "unknown_effect", "selected": [], "mistakes": [{"kind": "clock"}]}, "wrong"),
+        ({"verdict": "unknown_effect", "selected": [], "bookkeeping": [{"kind": "payload"}]}, "right"),
+        ({"verdict": "unknown_effect", "selected": [], "bookkeeping": [{"kind": "clock"}]}, "wrong"),
         (
-            {"verdict": "missing_effect", "selected": ["stiffness"], "mistakes": [{"kind": "payload"}]},
+            {"verdict": "missing_effect", "selected": ["stiffness"], "bookkeeping": [{"kind": "payload"}]},
             "wrong",
         ),
     ],
@@ -118,7 +118,7 @@ def test_a_wrong_record_is_right_where_the_mistake_is_told_and_no_other_effect_n
     assert one.outcome == outcome
     other = judge("effect", label_of("mullins"), {"result": result, "wall_s": 1.0})
     assert not other.is_right
-    assert summary([one, other])["told_wrongly"]["right"] == bool(result.get("mistakes"))
+    assert summary([one, other])["told_wrongly"]["right"] == bool(result.get("bookkeeping"))
 
 
 def estimated(low: float, high: float, kinds: tuple[str, ...] = ("backlash",)) -> dict[str, Any]:
