@@ -1,10 +1,10 @@
 """How many readings of unseen runs lie within their 90 % band, and how close the normal approximation is to a sampler.
 
-    OMP_NUM_THREADS=1 python -m benchmarks.evidence.coverage [--count 50] [--sampled 2]
+    OMP_NUM_THREADS=1 python -m benchmarks.evidence.coverage [--count 50] [--sampled 2] [--bed law_off]
 
 Sets of the calibration split, each with one hidden effect whose form is not the fitted one: runs are put aside as by
 `pliant improve`, the right effect is fitted to the others, and the band is asked on the runs put aside. Prints, and
-writes benchmarks/out/band_coverage.json.
+writes benchmarks/out/band_coverage.json, of laws that are off band_coverage_law_off.json.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.tasks import tasks_of
+from benchmarks.evidence.tasks import BEDS, tasks_of
 from benchmarks.output import Bar, parser_of, write
 
 from pliant import api
@@ -38,9 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=50, help="sets, kinds in turn")
     parser.add_argument("--sampled", type=int, default=2, help="sets that are sampled, too")
+    parser.add_argument("--bed", choices=BEDS, default="exact", help="laws that are exact, or off in shape")
     given = parser.parse_args(arguments)
     rows: list[dict[str, Any]] = []
-    for task in tasks_of("effect", given.count, "calibration"):
+    for task in tasks_of("effect", given.count, "calibration", given.bed):
         rows.append(covered(task.spec, sampled=len([r for r in rows if "sampled" in r]) < given.sampled))
         print(" ".join(f"{key} {_text(value)}" for key, value in rows[-1].items()), flush=True)
     aside = np.array([row["aside"] for row in rows])
@@ -67,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             scale=100.0,
         ),
     ]
-    write("band_coverage", {"sets": rows}, bars)
+    write("band_coverage" + ("" if given.bed == "exact" else f"_{given.bed}"), {"sets": rows}, bars)
 
 
 def covered(spec: SetSpec, sampled: bool = False) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Write sets with open labels, for whoever tunes the diagnosis: on the calibration split, never on what is judged.
 
     python -m benchmarks.evidence.dump --split calibration --group pair --count 40 --out FOLDER
+    python -m benchmarks.evidence.dump --bed law_off --group clean --count 4 --out FOLDER
 
 writes NNN_study.yaml, NNN.csv and NNN_label.json for each set of the group, with the kinds mixed.
 """
@@ -12,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.evidence.sets import make_set
-from benchmarks.evidence.tasks import GROUPS, Task, tasks_of
+from benchmarks.evidence.tasks import BEDS, GROUPS, Task, tasks_of
 from benchmarks.output import parser_of
 
 from pliant.store.store import write_atomically
@@ -34,7 +35,9 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
         write_atomically(folder / f"{number:03d}.csv", made.csv)
         write_atomically(label, json.dumps({"group": task.group, **made.label}, indent=1))
         what, spec = " + ".join(made.label["forms"]), task.spec
-        yield f"{number:03d} {spec.kind} ({what}) {spec.engine} {spec.robot} {made.label['snr_reached']:.2f} σ"
+        law = f", law off by {spec.law_error:.2%} ({made.label['law_snr']:.2f} σ)" if spec.law_error else ""
+        said = f"{made.label['snr_reached']:.2f} σ{law}"
+        yield f"{number:03d} {spec.kind} ({what}) {spec.engine} {spec.robot} {said}"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -42,9 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--group", choices=GROUPS, required=True)
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--split", choices=("calibration", "judged"), default="calibration")
+    parser.add_argument("--bed", choices=BEDS, default="exact", help="laws that are exact, or off in shape")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
-    for line in dump(tasks_of(given.group, given.count, given.split), given.out):
+    for line in dump(tasks_of(given.group, given.count, given.split, given.bed), given.out):
         print(line, flush=True)
 
 

@@ -98,13 +98,16 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
         ValueError: a chain; its modes are too fast for explicit steps.
         RuntimeError: the motion is not finite.
     """
-    bones = bones_of(skeleton(robot, truth.body), truth.body, swings=True)
-    if len(bones.masses) != 1:
-        raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {len(bones.masses)}")
+    bones = {
+        kg: bones_of(skeleton(robot, truth.body, kg), truth.body, swings=True)
+        for kg in {run.payload_kg for run in protocol}
+    }
+    if robot.modules != 1:
+        raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {robot.modules}")
 
     dry = truth.forms._replace(viscous=0.0)
 
     def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
-        return *_follow(inputs, bones, memory, cycles, dry, truth.forms), True
+        return *_follow(inputs, bones[inputs.payload], memory, cycles, dry, truth.forms), True
 
     return followed(protocol, truth, 1, run_of)

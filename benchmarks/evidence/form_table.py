@@ -7,6 +7,7 @@ numbers of ranges that have no point in common. `tests/testbed/test_form_table.p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -431,6 +432,74 @@ FORMS: Mapping[str, tuple[tuple[Form, ...], tuple[Form, ...]]] = {
         (_of("after a while", warm_s=(6.0, 15.0)),),
     ),
 }
+# What a bench writes down wrongly, as effects: the forms of either split.
+MISTAKE_FORMS: Mapping[str, tuple[tuple[Form, ...], tuple[Form, ...]]] = {
+    "wrong_payload": (
+        (
+            _of("all by a factor", switch={"factor": 1.0}),
+            _of("one run", switch={"one_run": 1.0}, at=(0.0, 1.0)),
+        ),
+        (
+            _of("a hook that was not weighed", switch={"hook": 1.0}),
+            _of("the heavier of two payloads", switch={"level": 1.0}),
+        ),
+    ),
+    "wrong_clock": (
+        (
+            _of("an offset", switch={"offset": 1.0, "clock_jitter": 0.0}),
+            _of("a drift within each run", switch={"drift": 1.0}),
+        ),
+        (
+            _of("offsets of each run", switch={"offset": 1.0}, clock_jitter=(0.3, 0.6)),
+            _of("a drift over the session", switch={"session": 1.0}),
+        ),
+    ),
+    "wrong_gravity": (
+        (
+            _of("forgotten", switch={"forgotten": 1.0, "mounted": 0.0}, way=(0.0, 0.0)),
+            _of("half a turn", switch={"turned": math.pi}, way=(0.0, 0.0)),
+        ),
+        (
+            _of(
+                "forgotten on an inclined bench",
+                switch={"forgotten": 1.0},
+                mounted=(0.6, 1.5),
+                way=(0.0, 6.283),
+            ),
+            _of("a quarter of a turn", switch={"turned": math.pi / 2}, way=(0.0, 6.283)),
+        ),
+    ),
+}
+# The equations of the candidates themselves, to see whether stated intervals hold: of one equation no two splits can
+# have other forms, and these sets say nothing about which effect is named.
+CANDIDATE_FORMS: Mapping[str, Form] = {
+    "backlash": _of("the candidate's", switch={"play_knee": 0.0}),
+    "viscoelastic": _of(
+        "the candidate's", switch={"branches": 1.0, "spread": 1.0, "tilt": 1.0}, time_s=(3.0, 20.0)
+    ),
+    "viscous_damping": _of("the candidate's", switch={"viscous_power": 1.0}),
+    "supply_lag": _of(
+        "the candidate's", switch={"lag_linear": 1.0}, lag_vent=(0.8, 1.6), lag_second=(0.08, 0.3)
+    ),
+    "friction_hysteresis": _of(
+        "the candidate's", switch={"friction_shape": f.ONE_STOP}, friction_width=(0.005, 0.02)
+    ),
+    "sensor_bias": _of("the candidate's"),
+    "permanent_set": _of("the candidate's", switch={"set_power": 1.0}),
+}
+# Of the error of a law that is off: the bases of the calibration split, and those of the judged one. Cycles over the
+# working range, widths and distances of knots in shares of it.
+LAW_SHAPES: tuple[tuple[Form, ...], tuple[Form, ...]] = (
+    (
+        _of("plane waves", switch={"waves": 1.0}, cycles=(0.5, 1.1)),
+        _of("products of waves", switch={"waves": 2.0}, cycles=(0.4, 0.8)),
+    ),
+    (
+        _of("rational bumps", switch={"bumps": 1.0}, width=(0.2, 0.4)),
+        _of("tanh ridges", switch={"ridges": 1.0}, width=(0.15, 0.4)),
+        _of("rounded folds", switch={"folds": 1.0}, width=(0.08, 0.2)),
+    ),
+)
 
 
 def forms_of(kind: str, split: Split) -> tuple[Form, ...]:

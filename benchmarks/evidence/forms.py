@@ -30,6 +30,10 @@ SOFTPLUS, ROOT, PARABOLA = 0.0, 1.0, 2.0
 ORIFICE, SECOND_ORDER, DEAD_TIME = 0.0, 1.0, 2.0
 BOUC_WEN, STOPS, DAHL = 0.0, 1.0, 2.0
 EXPONENTIAL, TANH, RATIO = 0.0, 1.0, 2.0
+ONE_STOP = 3.0
+# The grid on which the error of a law is tabulated: shares of the largest pressure, and angles over the typical one.
+LOWEST_SHARE, NODE_SHARE, SHARE_NODES = -0.4, 0.06, 31
+LOWEST_BEND, NODE_BEND, BEND_NODES = -2.4, 0.1, 69
 # Of damping with a quadratic part, of friction that falls with speed; rad/s.
 TYPICAL_RATE, STRIBECK_RATE, LEAST_RATE = 0.3, 0.03, 1e-3
 
@@ -67,6 +71,8 @@ class Forms(NamedTuple):
     actuation_phase: float = 0.0
     elastic_error: float = 0.0
     elastic_phase: float = 0.0
+    # the same, any shape: spline coefficients on the grid, N·m; without rows there is none
+    law: Array = np.zeros((0, 0))
     # the kinds
     stiffness: float = 0.0
     stiffness_quadratic: float = 1.0
@@ -307,6 +313,9 @@ def rubbing(old: Array, new: Array, step: float, dt: float, f: Forms) -> float:
     ):  # as in LuGre's model the limit falls with speed (Canudas de Wit et al. 1995)
         new[FRICTION] = dahl(old[FRICTION], step / width)
         return new[FRICTION] * (1.0 + f.friction_stribeck * math.exp(-((step / dt / STRIBECK_RATE) ** 2)))
+    if f.friction_shape == ONE_STOP:
+        new[FRICTION] = max(-1.0, min(1.0, old[FRICTION] + step / width))
+        return new[FRICTION]
     total = 0.0
     for k in range(3):
         limit = width * (0.4, 1.0, 2.2)[k]
@@ -342,6 +351,28 @@ def stretched(largest: float, f: Forms) -> float:
     if f.set_limit > 0.0:
         return f.set_limit**2 * (1.0 - math.exp(-((x / f.set_limit) ** 2)))
     return x**f.set_power
+
+
+@njit(cache=True)
+def law_error(share: float, u: float, table: Array) -> float:
+    """Torque by which the law is off, N·m: a bicubic B-spline over the grid, constant beyond it."""
+    x = min(max((share - LOWEST_SHARE) / NODE_SHARE, 1.0), SHARE_NODES - 2.001)
+    y = min(max((u / TYPICAL_ANGLE_RAD - LOWEST_BEND) / NODE_BEND, 1.0), BEND_NODES - 2.001)
+    i, j = int(x), int(y)
+    along, across = cubic(x - i), cubic(y - j)
+    total = 0.0
+    for k in range(4):
+        for m in range(4):
+            total += along[k] * across[m] * table[i - 1 + k, j - 1 + m]
+    return total
+
+
+@njit(cache=True)
+def cubic(t: float) -> tuple[float, float, float, float]:
+    """The four cubic B-splines at t of 0 to 1 between two nodes."""
+    s = 1.0 - t
+    first, last = s * s * s / 6.0, t * t * t / 6.0
+    return first, 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s), last
 
 
 @njit(cache=True)
@@ -425,6 +456,8 @@ def effort(
         new[TENDON] = turning
         gain *= math.exp(-f.tendon * drive.wrap_rad * turning)
     moment += gain * p * (K_N + M_A * u)
+    if f.law.shape[0] > 0:
+        moment += law_error(share, u, f.law)
 
     if f.viscous > 0.0:
         moment -= damping_of(step / dt, f) * step / dt

@@ -69,6 +69,7 @@ class Inputs(NamedTuple):
     gravity: Array
     temperature: float
     clock: float
+    payload: float
 
 
 def bones_of(found: Skeleton, body: Any, swings: bool) -> Bones:
@@ -83,7 +84,8 @@ def bones_of(found: Skeleton, body: Any, swings: bool) -> Bones:
 def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
     """The run's inputs; `clock_s` when it begins."""
     gravity = gravity_on(run.base_angles_rad, body)
-    return Inputs(run.time_s, run.pressure_pa, run.moment_n_m, run.valve, gravity, run.temperature_c, clock_s)
+    course = (run.time_s, run.pressure_pa, run.moment_n_m, run.valve)
+    return Inputs(*course, gravity, run.temperature_c, clock_s, run.payload_kg)
 
 
 @njit(cache=True)
@@ -333,11 +335,14 @@ def followed(
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
     """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where a state did not converge."""
     swings = truth.body.crossbar_kg_m2 > 0.0
-    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
+    bones = {
+        kg: bones_of(skeleton(robot, truth.body, kg), truth.body, swings)
+        for kg in {run.payload_kg for run in protocol}
+    }
     quick = truth.forms.viscous > 0.0 or truth.forms.lag_s > 0.0
     longest = LONGEST_DYNAMIC_S if swings else LONGEST_QUICK_S if quick else LONGEST_S
 
     def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
-        return _follow(inputs, bones, memory, cycles, longest, truth.forms)
+        return _follow(inputs, bones[inputs.payload], memory, cycles, longest, truth.forms)
 
-    return followed(protocol, truth, len(bones.masses), run_of)
+    return followed(protocol, truth, len(next(iter(bones.values())).masses), run_of)

@@ -15,12 +15,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence.judge import Judged, judge
+from benchmarks.evidence.judge import Judged, is_truth, judge, truth_fitted
 from benchmarks.evidence.tasks import digest
 from benchmarks.output import ROOT
 
 LEDGER = Path(__file__).parent / "ledger.jsonl"
 ANSWERS = Path(__file__).parent / "answers.jsonl.gz"
+# Of the latest sealed run of each bed.
+ANSWERS_OF = {"exact": ANSWERS, "law_off": ANSWERS.with_name("answers_law_off.jsonl.gz")}
 # What a diagnosis rests on.
 CODE = (
     "core/pliant/diagnosis",
@@ -44,6 +46,10 @@ LABEL = (
     "excited",
     "right",
     "mean_squares",
+    "law_error",
+    "law_form",
+    "law_snr",
+    "parameters",
 )
 STEP = ("added", "rmse_over_floor")
 LEAST_PROBABILITY = 0.01
@@ -114,9 +120,13 @@ def headline(data: Mapping[str, Any]) -> dict[str, list[int]]:
 def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, Any]) -> dict[str, Any]:
     """One answer beside its opened label, as it is kept."""
     result = dict(line.get("result") or {})
-    if "hypotheses" in result:
+    if result.get("hypotheses"):
+        result["truth_fitted"] = truth_fitted(label, result)
+        asked = label.get("parameters") or {}
         ranked = sorted(result["hypotheses"], key=lambda one: -one["probability"])
-        result["hypotheses"] = [ranked[0], *(h for h in ranked[1:] if h["probability"] >= LEAST_PROBABILITY)]
+        kept_rank = [k for k, h in enumerate(ranked) if not k or h["probability"] >= LEAST_PROBABILITY]
+        kept_rank += [k for k, h in enumerate(ranked) if asked and k not in kept_rank and is_truth(label, h)]
+        result["hypotheses"] = [_without_parameters(label, ranked[k]) for k in kept_rank]
     if "steps" in result:
         result["steps"] = [{k: s[k] for k in STEP if k in s} for s in result["steps"] or ()]
     if "credible_set" in result:
@@ -125,9 +135,18 @@ def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, 
     if "classes" in result:
         result["classes"] = [{"kinds": one["kinds"]} for one in result["classes"] or ()]
     result.pop("next_experiment", None)
+    if "bookkeeping" in result:
+        result["bookkeeping"] = [{"kind": one["kind"]} for one in result["bookkeeping"] or ()]
     kept = {name: line[name] for name in ("error", "added", "wall_s", "cpu_s") if name in line}
     known = {name: label[name] for name in LABEL if name in label}
     return _rounded({"group": group, "mode": mode, "label": known, "result": result, **kept})
+
+
+def _without_parameters(label: Mapping[str, Any], hypothesis: Mapping[str, Any]) -> dict[str, Any]:
+    """The hypothesis; with its parameters where the label states what they are."""
+    if label.get("parameters") and is_truth(label, hypothesis):
+        return dict(hypothesis)
+    return {key: value for key, value in hypothesis.items() if key != "parameters"}
 
 
 def _rounded(value: Any) -> Any:
@@ -155,5 +174,9 @@ def read_answers(path: Path = ANSWERS) -> tuple[dict[str, Any], list[Judged]]:
 
 
 def judged(answers: Sequence[Mapping[str, Any]]) -> list[Judged]:
-    """The answers beside their labels."""
-    return [judge(one["group"], one["label"], dict(one), one["mode"]) for one in answers]
+    """The answers beside their labels; older ones do not say whether the truth was fitted."""
+    fitted = {"truth_fitted": None}
+    lines = [{**one, "result": fitted | one["result"]} for one in answers]
+    return [
+        judge(one["group"], one["label"], line, one["mode"]) for one, line in zip(answers, lines, strict=True)
+    ]

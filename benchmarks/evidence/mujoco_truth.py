@@ -154,18 +154,19 @@ def _follow(
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
     """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where MuJoCo's motion is not finite."""
-    found = skeleton(robot, truth.body)
-    bones = bones_of(found, truth.body, swings=False)
-    model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
-    data = mujoco.MjData(model)
-    handles = (model._address, data._address)
-    views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness, model.dof_damping)
-
+    loaded = {}
+    for kg in {run.payload_kg for run in protocol}:
+        found = skeleton(robot, truth.body, kg)
+        model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
+        loaded[kg] = model, mujoco.MjData(model), bones_of(found, truth.body, swings=False)
     dry = truth.forms._replace(viscous=0.0)
 
     def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+        model, data, bones = loaded[inputs.payload]
+        handles = (model._address, data._address)
+        views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness, model.dof_damping)
         mujoco.mj_resetData(model, data)
         found = _follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, dry, truth.forms)
         return *found, True
 
-    return followed(protocol, truth, len(found.masses_kg), run_of)
+    return followed(protocol, truth, len(next(iter(loaded.values()))[2].masses), run_of)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from benchmarks.evidence.protocols import protocol
 from benchmarks.evidence.robots import ROBOTS, Array
-from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow
-from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw, draw_part, robots_of
+from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow, truth_of
+from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw_part, robots_of
 
 # Strengths that are looked at first, in shares of the largest sensible one; then a few Gauss-Newton steps.
 LOOKED_AT = (0.02, 0.06, 0.15, 0.3, 0.6)
@@ -26,7 +27,7 @@ def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
     """Mean squared error over σ of each kind's own best fit; `CLEAN` is the model with nothing added."""
     robot = ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
-    truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
+    truth = truth_of(spec)
     rng = np.random.default_rng(spec.seed)
     slips = np.zeros(len(runs))
     measured = _flat(made.measured, made.sigma)
@@ -46,7 +47,7 @@ def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
         signed = "sign" in part.drawn
         if kind == spec.kind and spec.engine == "functional":
             part = truth.parts[0]
-        residual = left(HiddenTruth((part,), truth.error))
+        residual = left(replace(truth, parts=(part,)))
         found[kind] = best(residual, -part.largest if signed else 0.0, part.largest, found[CLEAN])
     return found
 

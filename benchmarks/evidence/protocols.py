@@ -7,6 +7,8 @@
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
 | `midway` | 30 | 3738 | 22 | as `rich`, but every recording begins in mid-transient, and some lack a stretch |
+| `rich_open` | 28 | 4010 | 23 | as `rich` without the closed valve: every recording begins at rest, or nearly so |
+| `payload` | 26 | 2852 | 19 | without and with payloads of two sizes, hanging and horizontal, filled and half filled |
 | `coarse` | 12 | 848 | 6 | steps and cycles as quick as 0.2 s of lag, sampled at 2.5 Hz |
 | `example` | 16 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
 
@@ -45,6 +47,7 @@ class Run:
         valve_open: 1 where the chambers are connected to the supply; None where they always are.
         second: the second sensor is read.
         kept: (t,) of the samples that are recorded; None where all are.
+        payload_kg: hung at the tip.
     """
 
     condition: str
@@ -57,6 +60,7 @@ class Run:
     second: bool = False
     time_s: Array = field(default_factory=lambda: np.empty(0))
     kept: NDArray[np.bool_] | None = None
+    payload_kg: float = 0.0
 
     def __post_init__(self) -> None:
         if not len(self.time_s):
@@ -176,6 +180,20 @@ def _rich(specimen: str, load_steps: bool = True) -> list[Run]:
     ]
 
 
+def _payload(specimen: str) -> list[Run]:
+    """Payloads in shares of the robot's largest one."""
+    virgin, slow, fast, _ = _unloaded(specimen)
+    lying = {"hanging": (0.0, 0.0, 0.0), "horizontal": (0.0, np.pi / 2, 0.0)}
+    hung = [
+        _free(f"payload, {name}", specimen, triangles(20, [top] * 2), payload_kg=kg, base_angles_rad=turned)
+        for name, turned in lying.items()
+        for kg in (0.5, 1.0)
+        for top in (1.0, 0.5)
+    ]
+    second = _free("second sensor", specimen, triangles(20, [1.0]), second=True)
+    return [virgin, slow, fast, *hung, second, _medium(specimen)]
+
+
 def _rates(specimen: str) -> list[Run]:
     _, slow, fast, _ = _unloaded(specimen)
     return [_medium(specimen, 3), *[slow, fast, _medium(specimen), _medium(specimen)] * 2]
@@ -218,9 +236,11 @@ def _coarse(specimen: str) -> list[Run]:
 PROTOCOLS: dict[str, Callable[[], list[Run]]] = {
     "rich": lambda: [*_rich("A"), *_rich("B")],
     "rich_noload": lambda: [*_rich("A", False), *_rich("B", False)],
+    "rich_open": lambda: [run for run in (*_rich("A"), *_rich("B")) if run.valve_open is None],
     "rates": lambda: _rates("A"),
     "poor": lambda: [_medium("A", 3) for _ in range(5)],
     "midway": lambda: [_begun(run) for run in (*_rich("A"), *_rich("B"))],
+    "payload": lambda: [*_payload("A"), *_payload("B")],
     "coarse": lambda: [*_coarse("A"), *_coarse("B")],
     "example": lambda: [*_example("A"), *_example("B")],
 }
@@ -237,4 +257,7 @@ def protocol(name: str, robot: Robot = JOINT) -> Protocol:
             return robot.modules == 1
         return run.valve_open is None or not robot.tendon
 
-    return tuple(run for run in PROTOCOLS[name]() if possible(run))
+    every = tuple(run for run in PROTOCOLS[name]() if possible(run))
+    if name != "payload":
+        return every
+    return tuple(replace(run, payload_kg=run.payload_kg * robot.payload_max_kg) for run in every)

@@ -2,20 +2,21 @@
 
     python -m benchmarks.evidence.publish
 
-makes the page and its pictures from the stored answers of the latest sealed run and from the ledger of all of them.
+makes the page and its pictures from the stored answers of the latest sealed run of each bed and from the ledger of all.
 The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- end -->` is written anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmarks.evidence import ledger
-from benchmarks.evidence.form_table import FORMS
-from benchmarks.evidence.judge import summary
-from benchmarks.evidence.tasks import Plan, planned
+from benchmarks.evidence.bench_errors import MISTAKES
+from benchmarks.evidence.counting import of_all_beds, summary
+from benchmarks.evidence.form_table import FORMS, LAW_SHAPES, MISTAKE_FORMS, Form
+from benchmarks.evidence.tasks import MISTAKE_GROUPS, Plan, planned
 from benchmarks.evidence.truths import FOURTEEN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ORACLE_GROUP
 from benchmarks.output import ROOT
@@ -45,10 +46,16 @@ TIMES = {"diagnose": 1.0, "improve": 3.0, "suggested": 3.6, "random": 3.6}
 
 
 def stored() -> dict[str, Any]:
-    """All tables of the latest sealed run, from its stored answers, with the ledger."""
+    """All tables of the latest sealed run of each bed, from their stored answers, with the ledger."""
     head, items = ledger.read_answers()
-    plan = {"planned": planned(Plan(**head["plan"]))} if head else {}
-    return {**summary(items), **plan, "run": head, "ledger": ledger.entries()}
+    other_head, others = ledger.read_answers(ledger.ANSWERS_OF["law_off"])
+    second = {"law_off": {**summary(others), **_run(other_head)}} if other_head else {}
+    both = of_all_beds(items, others)
+    return {**summary(items), **_run(head), "ledger": ledger.entries(), **second, "beds": both}
+
+
+def _run(head: dict[str, Any]) -> dict[str, Any]:
+    return {"run": head, **({"planned": planned(Plan(**head["plan"]))} if head else {})}
 
 
 def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) -> None:
@@ -65,18 +72,15 @@ def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) 
 
 def with_tables(text: str, data: dict[str, Any]) -> str:
     """The page's text with its tables written anew."""
-    return pages.rendered(text, MARK, TABLES, data)
+    return pages.rendered(text, MARK, {**TABLES, **LAW_OFF_TABLES}, data)
 
 
 def as_text(data: dict[str, Any]) -> str:
     """All tables of `counting.summary` as text, and what was answered in every group."""
     lines = [f"{data['n']} answers, {data['errors']} errors"]
-    for table in (bars, kinds, unknown, strength, protocols, suggested, stated, times):
-        lines += [
-            "",
-            f"{table.__doc__}",
-            *(line for line in table(data) if line and not line.startswith("![")),
-        ]
+    for table in (bars, law_off, kinds, unknown, strength, protocols, suggested, stated, times):
+        shown = table({"law_off": data, "beds": data} if table is law_off else data)
+        lines += ["", f"{table.__doc__}", *(line for line in shown if line and not line.startswith("!["))]
     for group, rows in data["confusion"].items():
         lines += [
             "",
@@ -137,8 +141,19 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
 
 def runs(data: dict[str, Any]) -> Iterator[str]:
     """Every sealed run, finished or not; the last one that ended is the one that counts."""
+    yield from _runs(data, "exact")
+
+
+def law_off_runs(data: dict[str, Any]) -> Iterator[str]:
+    """Every sealed run of laws that are off."""
+    yield from _runs(data, "law_off")
+
+
+def _runs(data: dict[str, Any], bed: str) -> Iterator[str]:
     rows = []
     for one in data.get("ledger", ()):
+        if one.get("plan", {}).get("bed", "exact") != bed:
+            continue
         figures = one.get("figures", {})
         reached = [_share_of(figures.get(name)) for name in FIGURES]
         state = "" if one.get("finished") else "stopped" if "ended" in one else "killed, or still running"
@@ -152,14 +167,70 @@ def runs(data: dict[str, Any]) -> Iterator[str]:
 def forms(data: dict[str, Any]) -> Iterator[str]:
     """What is hidden: every kind's equations in either split."""
     for title, kinds_of in (("effect", KINDS), ("unknown effect", tuple(UNKNOWN))):
-        yield from pages.table(
-            f"{title} | in calibration sets | in judged sets",
-            (
-                (f"`{kind}`", *(", ".join(form.name for form in split) for split in FORMS[kind]))
-                for kind in kinds_of
-            ),
-        )
-        yield ""
+        rows = ((f"`{kind}`", FORMS[kind]) for kind in kinds_of)
+        yield from _splits(title, rows)
+
+
+def law_off_forms(data: dict[str, Any]) -> Iterator[str]:
+    """What a law's error is made of, and what is wrong with a record, in either split."""
+    rows = [("a law's error", LAW_SHAPES), *((f"`{kind}`", MISTAKE_FORMS[kind]) for kind in MISTAKES)]
+    yield from _splits("off", rows)
+
+
+def _splits(title: str, rows: Iterable[tuple[str, Sequence[Sequence[Form]]]]) -> Iterator[str]:
+    named = ((name, *(", ".join(form.name for form in split) for split in splits)) for name, splits in rows)
+    yield from pages.table(f"{title} | in calibration sets | in judged sets", named)
+    yield ""
+
+
+def law_off(data: dict[str, Any]) -> Iterator[str]:
+    """Laws that are off in shape, records that are wrong, classes that could be split, intervals."""
+    if "law_off" not in data:
+        yield "No sealed run of laws that are off has ended yet."
+        return
+    one, beds = data["law_off"], data["beds"]
+    plan = one["plan"].get("suggested", {"n": 0, "by_class": {"n": 0}})
+    gap = _number(beds["calibration"]["error"])
+    rows = [
+        _row("right effect by class", "≥ 93 %", one["effects"]["by_class"]),
+        _row("… strictly", "", one["effects"]),
+        _row("wrong effect named, all sets", "≤ 1 %", one["wrong_kind"]),
+        _row("an effect named where nothing is hidden", "≤ 3 %", one["false_alarms"]),
+        _row("unknown effect recognised", "", one["unknown"]),
+        _row("… tilted sensors and detents", "", one["missed"]),
+        _row("pair of two by class", "", one["pairs"]["by_class"]),
+        *(_row(f"wrong {name} told", "", one[name]) for name in MISTAKE_GROUPS),
+        _row("a mistake told of a record without one", "", one["told_wrongly"]),
+        *(_row(f"{words}, by class", "", one[name]["by_class"]) for name, words in SPECIAL),
+        _row("poor, after two suggested runs", "", plan),
+        *(
+            _row(f"what is hidden was fitted, {name}", "≥ 99 %", value)
+            for name, value in one["fitted"].items()
+        ),
+        _row("90 % intervals of parameters hold the value", "85–95 %", one["intervals"]["all"]),
+        _row("stated at 99 % or more: right by class", "≥ 98 %", beds["certain"]),
+        (f"stated against observed, {beds['calibration']['n']} answers: mean gap", "≤ 0.04", gap, ""),
+    ]
+    yield from pages.table("what | to reach | reached | 95 % (Wilson), sets", rows)
+    yield ""
+    yield from pages.table(
+        "group | could be split | strictly right, of these",
+        ((g, _long(v["could"]), _long(v["strictly"])) for g, v in one["split"].items() if v["could"]["n"]),
+    )
+    yield ""
+    yield from pages.table(
+        "law off by, % of its torque range | strictly | by class",
+        (
+            (f"{100 * b['above']:g} to {100 * b['below']:g}", _long(b), _long(b["by_class"]))
+            for b in one["by_law"]
+            if b["n"]
+        ),
+    )
+    yield ""
+    yield from pages.table(
+        "parameter | 90 % intervals that hold | median distance, sd",
+        ((f"`{n}`", _long(v), _number(v["median_sd_off"])) for n, v in one["intervals"].items() if v["n"]),
+    )
 
 
 def kinds(data: dict[str, Any]) -> Iterator[str]:
@@ -261,6 +332,8 @@ TABLES: pages.Tables = {
     table.__name__: table
     for table in (measured, bars, runs, forms, kinds, unknown, strength, protocols, suggested, stated, times)
 }
+# Of the bed of laws that are off: for the page, once a sealed run of it has ended.
+LAW_OFF_TABLES: pages.Tables = {table.__name__: table for table in (law_off, law_off_runs, law_off_forms)}
 
 
 def expected_time(plan: Plan) -> str:

@@ -56,8 +56,21 @@ class Robot:
         """A tendon drives it."""
         return self.drive.startswith("tendon")
 
-    def study(self, name: str) -> str:
-        """The study that the diagnoser gets: a stated law and a chain, nothing of the truth."""
+    @property
+    def payload_max_kg(self) -> float:
+        """Mass at the tip whose weight takes `PAYLOAD_SHARE` of the first joint's peak torque, lying horizontally."""
+        arm = (self.modules - 0.5) * self.length_m
+        return round(PAYLOAD_SHARE * PEAK_TORQUE_N_M / GRAVITY_M_S2 / arm, 4)
+
+    def study(
+        self, name: str, gravity: tuple[float, float, float] | None = None, exact_law: bool = True
+    ) -> str:
+        """The study that the diagnoser gets: a stated law and a chain, nothing of the truth.
+
+        Args:
+            gravity: as somebody wrongly states it, m/s²; by default it stands nowhere, for it is the usual one.
+            exact_law: the law is the truth's but for `LAW_ERROR`; otherwise nobody says how good it is.
+        """
         per_drive = PRESSURE_MAX_PA / self.drive_max
         k_n, m_a, m_e, b_e = self.law
         return STUDY.format(
@@ -71,9 +84,15 @@ class Robot:
             length=self.length_m * 1e3,
             mass=self.mass_kg * 1e3,
             task="{kind: free_bending, pressure: 15 kPa}" if not self.tendon else TENDON_TASK,
+            gravity="" if gravity is None else ", gravity: [{:g}, {:g}, {:g}]".format(*gravity),
+            law_error=LAW_ERROR if exact_law and LAW_ERROR_STATED else "",
         )
 
 
+# What the study of an exact law says of it, once a study has that key.
+LAW_ERROR_STATED = False
+LAW_ERROR = "law_error: 0.5 %\n"
+PAYLOAD_SHARE = 0.3
 TENDON_TASK = "{kind: tendon_finger, tendon_force: 9 N}"
 STUDY = """\
 pliant: 1
@@ -84,10 +103,10 @@ surrogate:
   odd: true
   actuation_name: {drive}
   coefficients: {{k_n: {k_n:g}, m_a: {m_a:g}, m_e: {m_e:g}, b_e: {b_e:g}}}
-chain: {{modules: {modules}, module_length: {length:g} mm, module_mass: {mass:g} g}}
+chain: {{modules: {modules}, module_length: {length:g} mm, module_mass: {mass:g} g{gravity}}}
 physics: quasistatic
 task: {task}
-"""
+{law_error}"""
 
 # Lying horizontally, the joint carries 16 % of its peak torque as weight; the chains' first joints 22 % and 21 %.
 JOINT = Robot("joint", 1, 0.080, 0.040, ("angle_rad",), TIPS)

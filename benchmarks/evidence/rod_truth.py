@@ -15,6 +15,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from benchmarks.evidence.forms import LOWEST_SHARE, NODE_SHARE, SHARE_NODES
 from benchmarks.evidence.protocols import LOAD_N_M, Run
 from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array
 from mujoco import rollout
@@ -37,6 +38,7 @@ class Rod:
         rod_damping_s: damping over stiffness; rod_friction_n_m: dry friction in every joint.
         rod_lag_s: of the actuator's filter.
         rod_limit_rad: of the whole bend, where every joint comes to its stop; rod_stop: how hard that is, 0 is none.
+        rod_pull: error of the tendon's pull over its largest, at the nodes of `law_shapes.draw_pull`; empty: none.
     """
 
     rod_stiffness: float = 0.0
@@ -46,6 +48,7 @@ class Rod:
     rod_lag_s: float = 0.0
     rod_limit_rad: float = 0.45
     rod_stop: float = 0.0
+    rod_pull: tuple[float, ...] = ()
 
 
 # Kinds that a rod can have: the largest strength, the field and its value at strength 1, whether it has either sign.
@@ -103,10 +106,10 @@ def follow(runs: Sequence[Run], rod: Rod) -> list[dict[str, Array]]:
     """
     model = mujoco.MjModel.from_xml_string(mjcf(rod))
     data = mujoco.MjData(model)
-    return [_followed(model, data, run) for run in runs]
+    return [_followed(model, data, run, rod) for run in runs]
 
 
-def _followed(model: Any, data: Any, run: Run) -> dict[str, Array]:
+def _followed(model: Any, data: Any, run: Run, rod: Rod) -> dict[str, Array]:
     model.opt.gravity[:] = Rotation.from_euler("xyz", run.base_angles_rad).inv().apply([0, 0, -GRAVITY_M_S2])
     settle = round(SETTLE_S / STEP_S)
     ends = settle + np.rint(run.time_s / STEP_S).astype(int)
@@ -114,6 +117,9 @@ def _followed(model: Any, data: Any, run: Run) -> dict[str, Array]:
     ramp = np.minimum(1.0, 2.0 * np.arange(1, settle + 1) / settle)
     drive = np.interp(clock, run.time_s, _in_the_tube(run)), np.interp(clock, run.time_s, run.moment_n_m)
     control = np.column_stack(drive)
+    if rod.rod_pull:
+        nodes = LOWEST_SHARE + NODE_SHARE * np.arange(SHARE_NODES)
+        control[:, 0] += PRESSURE_MAX_PA * np.interp(control[:, 0] / PRESSURE_MAX_PA, nodes, rod.rod_pull)
     control[:settle] *= ramp[:, None]
     start = np.zeros((1, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     states, sensed = rollout.rollout(model, data, start, control[None])

@@ -3,6 +3,7 @@
     python -m benchmarks.evidence.run_bench --sealed --share 0.4   judged sets that are drawn for this code; resumable
     python -m benchmarks.evidence.run_bench                    calibration sets, on which thresholds may be tuned
     python -m benchmarks.evidence.run_bench --small            a handful of them, for CI
+    python -m benchmarks.evidence.run_bench --bed law_off      sets whose joint law is off by 0.3 to 3 % in shape
     python -m benchmarks.evidence.run_bench --seeds 3 --kinds mullins none
     python -m benchmarks.evidence.run_bench --summarise        the tables of what is there
     python -m benchmarks.evidence.run_bench --shard 2/4        every fourth set from the second on, beside other shards
@@ -40,10 +41,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
 from benchmarks.evidence import diagnosers, ledger, seal
-from benchmarks.evidence.judge import ERROR, summary
+from benchmarks.evidence.bench_errors import MISTAKES
+from benchmarks.evidence.counting import summary
+from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import as_text, expected_time
-from benchmarks.evidence.tasks import PLANS, Plan, Task, planned, small_plan
+from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
 from benchmarks.output import OUT, parser_of
@@ -63,6 +66,11 @@ COUNTS = {
     "noload": "sets per effect without load steps",
     "quick": "sets per quick effect under midway and coarse",
     "rods": "sets per effect of a rod",
+    "missed": "sets per unknown form that cancelling effects imitate",
+    "payload": "sets with payloads that are written down wrongly",
+    "clock": "sets with clocks that disagree",
+    "gravity": "sets whose study has no gravity or a turned one",
+    "interval": "sets per effect that has the candidate's own equation",
     "plan": "poor sets that get two more runs, proposed and random",
     "improve": "sets per effect that are improved",
     "other_every": "every this many-th set is made of the kind's other robot; 0: none",
@@ -274,7 +282,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--plan-only", action="store_true", help="how many sets of what, and the expected time"
     )
-    parser.add_argument("--kinds", nargs="+", choices=(*KINDS, CLEAN, *UNKNOWN), metavar="KIND")
+    parser.add_argument("--kinds", nargs="+", choices=(*KINDS, CLEAN, *UNKNOWN, *MISTAKES), metavar="KIND")
+    parser.add_argument("--bed", choices=BEDS, default="exact", help="laws that are exact, or off in shape")
     for name, words in COUNTS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, help=words)
     parser.add_argument(
@@ -316,14 +325,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = {name: getattr(given, name) for name in (*COUNTS, "protocol", "share")}
     chosen["kinds"] = tuple(given.kinds) if given.kinds else None
     changes = {name: value for name, value in chosen.items() if value is not None}
-    plan = replace(small_plan() if given.small else Plan(), **changes)
-    name = given.name or ("small" if given.small else "full")
+    plan = replace(small_plan(given.bed) if given.small else PLAN_OF[given.bed], **changes)
+    of_bed = "" if given.bed == "exact" else f"{given.bed}-"
+    name = given.name or of_bed + ("small" if given.small else "full")
     if given.sealed:
         if changes.keys() - {"share"} or given.small or given.fresh or given.name or given.shard != (1, 1):
             raise SystemExit(
                 "a sealed run is the whole plan or a --share of it, once: leave the other options out"
             )
-        plan, name = replace(plan, split="judged", draw=code), f"sealed-{code}"
+        plan, name = replace(plan, split="judged", draw=code), f"{of_bed}sealed-{code}"
     bench = Bench((given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard)
     if given.plan_only:
         print(expected_time(plan))
@@ -331,7 +341,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.fresh:
         bench.results.unlink(missing_ok=True)
     if not given.summarise:
-        with in_the_ledger(bench, plan) if given.sealed else contextlib.nullcontext():
+        kept = ledger.ANSWERS_OF[plan.bed]
+        with in_the_ledger(bench, plan, kept=kept) if given.sealed else contextlib.nullcontext():
             run(bench, plan, given.scheduler)
     items = ledger.judged(answers(bench, plan))
     data = {**summary(items), "planned": planned(plan)}

@@ -8,12 +8,14 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, rod_truth
+from benchmarks.evidence.bench_errors import done
 from benchmarks.evidence.form_table import Split
+from benchmarks.evidence.law_shapes import draw_pull, law_of
 from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, ROD, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
@@ -25,7 +27,9 @@ from benchmarks.evidence.truths import (
     Truth,
     draw,
     hidden_kinds,
+    parameters_of,
     right_verdicts,
+    right_where_the_law_is_off,
 )
 
 from pliant.experiments.planned_run import PlannedRun
@@ -87,7 +91,9 @@ class SetSpec:
     """One set; with the same spec the same bytes come out.
 
     `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
-    None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds.
+    None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds. The joint law is off by `law_error`, a
+    share of its torque range, in the shape of `law_seed`; at 0 it is the truth's own, as exact as `truths.draw` has it.
+    `candidates`: what is hidden has the candidate's own equation.
     """
 
     kind: str
@@ -98,10 +104,15 @@ class SetSpec:
     split: Split = "judged"
     snr: float | None = None
     draw: str = ""
+    law_error: float = 0.0
+    law_seed: int = 0
+    candidates: bool = False
 
     def generator(self) -> np.random.Generator:
         """Random numbers of this set alone."""
         text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}{self.draw}"
+        if self.law_error or self.candidates:
+            text += f" {self.law_error} {self.law_seed} {self.candidates}"
         return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16]))
 
 
@@ -132,7 +143,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     rng = spec.generator()
     robot = ALL_ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
-    truth = draw(spec.kind, spec.engine, robot, spec.split, rng)
+    truth = truth_of(spec, rng)
     slips = rng.standard_normal(len(runs))
     drawn_snrs = [float(rng.uniform(*SNR_RANGE)) for _ in truth.parts]
     targets = drawn_snrs if spec.snr is None else [spec.snr] * len(truth.parts)
@@ -140,12 +151,16 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     def outputs_of(part: HiddenTruth, engine: str) -> Follow:
         return lambda *strengths: follow(engine, robot, runs, part.at(*strengths), slips)
 
-    clean = outputs_of(truth, spec.engine)()
+    clean = outputs_of(truth, spec.engine)(*_nothing(truth))
     sigma = noise_sizes(clean)
     scaled = []  # each part to its own target
     for index, target in enumerate(targets if spec.kind != CLEAN else ()):
         part, guess = truth.alone(index), target / 2
         largest = part.parts[0].largest
+        if part.parts[0].unscaled:
+            read = outputs_of(part, spec.engine)(1.0)
+            scaled.append(Scaled(1.0, read, signal(clean, read, sigma)))
+            continue
         if spec.engine not in ("functional", "rod"):  # the fast engine knows nearly the strength
             still = outputs_of(part, "functional")
             nearly = _scaled(still, largest, still(), sigma, target, guess)
@@ -160,7 +175,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     label = {
         **asdict(spec),
         "kinds": list(hidden_kinds(spec.kind)),
-        "right": list(right_verdicts(spec.kind)),
+        "right": list((right_where_the_law_is_off if spec.law_error else right_verdicts)(spec.kind)),
         "strengths": [part.strength for part in scaled],
         "snr_wanted": [] if spec.kind == CLEAN else targets,
         "snr_alone": [part.signal for part in scaled],
@@ -169,9 +184,56 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         "sigma": sigma,
         "forms": [part.form for part in truth.parts],
         "drawn": dict(truth.drawn),
+        "parameters": {
+            name: value
+            for part, one in zip(truth.parts, scaled, strict=False)
+            if spec.candidates
+            for name, value in parameters_of(part, one.strength).items()
+        },
+        **_law_label(spec, truth, outputs_of, clean, sigma),
         "csv_sha256": hashlib.sha256(csv.encode()).hexdigest(),
     }
-    return MeasuredSet(robot.study(name), csv, label, clean, hidden, measured, sigma)
+    study = robot.study(name, truth.stated_gravity, exact_law=not spec.law_error)
+    return MeasuredSet(study, csv, label, clean, hidden, measured, sigma)
+
+
+def _nothing(truth: HiddenTruth) -> list[float]:
+    """The strengths of a truth that hides nothing."""
+    return [0.0 for part in truth.parts if part.unscaled]
+
+
+def truth_of(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTruth:
+    """The truth of a set without its strengths; `rng` is the set's own from its beginning."""
+    robot = ALL_ROBOTS[spec.robot]
+    truth = draw(spec.kind, spec.engine, robot, spec.split, rng or spec.generator(), spec.candidates)
+    if not spec.law_error:
+        return truth
+    drawn = {name: value for name, value in truth.drawn.items() if name not in truth.error}
+    if spec.engine == "rod":
+        _, pull = draw_pull(spec.law_error, spec.split, np.random.default_rng(spec.law_seed))
+        return replace(truth, error={}, drawn=drawn, pull=tuple(pull.tolist()))
+    law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot)
+    return replace(
+        truth, error={}, drawn=drawn | {f"law.{k}": v for k, v in law.drawn.items()}, law=law.table
+    )
+
+
+def _law_label(
+    spec: SetSpec,
+    truth: HiddenTruth,
+    outputs_of: Callable[[HiddenTruth, str], Follow],
+    clean: Outputs,
+    sigma: dict[str, float],
+) -> dict[str, Any]:
+    """What a label says of a law that is off: its basis, how large it is, and how far it moves these readings, in σ."""
+    if not spec.law_error:
+        return {}
+    form, largest = "a pull", None
+    exact = outputs_of(replace(truth, law=None, pull=()), spec.engine)(*_nothing(truth))
+    if spec.engine != "rod":
+        law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot)
+        form, largest = law.form, law.largest
+    return {"law_form": form, "law_largest": largest, "law_snr": signal(clean, exact, sigma)}
 
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
@@ -181,6 +243,7 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
         kept = ((slice(None) if run.kept is None else run.kept, read) for run, read in every)
         return [{name: read[name][part] for name in robot.outputs} for part, read in kept]
     outputs = []
+    runs = done(runs, truth.bench)
     for run, angles, slip in zip(
         runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
     ):
@@ -272,13 +335,25 @@ def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     runs = tuple(run.recorded() for run in runs)
     names = list(dict.fromkeys(name for run in outputs for name in run))
     turns = ["base_roll_rad", "base_pitch_rad"]
+    payload = ["payload_kg"] if any(run.payload_kg for run in runs) else []
     valve = [] if all(run.valve_open is None for run in runs) else ["valve_open"]
-    columns = ["run", "specimen", "time_s", robot.drive, "moment_n_m", "temperature_c", *turns, *valve]
+    columns = [
+        "run",
+        "specimen",
+        "time_s",
+        robot.drive,
+        "moment_n_m",
+        "temperature_c",
+        *turns,
+        *payload,
+        *valve,
+    ]
     lines = [",".join([*columns, *names])]
     per_pressure = robot.drive_max / PRESSURE_MAX_PA
     for number, (run, read) in enumerate(zip(runs, outputs, strict=True), 1):
         roll, pitch, _ = run.base_angles_rad
         fixed = f"{run.temperature_c:.1f},{roll:.6f},{pitch:.6f}"
+        fixed += f",{run.payload_kg:.4f}" if payload else ""
         drive = [f"{value * per_pressure:.{1 if per_pressure == 1.0 else 5}f}" for value in run.pressure_pa]
         cells = [
             [f"{value:.6f}" for value in read[name]] if name in read else [""] * len(run) for name in names
@@ -314,7 +389,7 @@ def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed
     seed.
     """
     robot, before = ALL_ROBOTS[spec.robot], protocol(spec.protocol, ALL_ROBOTS[spec.robot])
-    truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
+    truth = truth_of(spec)
     added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
     every = (*before, *added)
     rng = np.random.default_rng([seed, *spec.generator().integers(0, 2**31, 4)])

@@ -13,7 +13,6 @@ from benchmarks.evidence.robots import B_E, Array, Robot
 
 # A sixth of the critical damping of a joint with the largest bars: after a second an eighth of the swing is left.
 BARS_DRAG_1_S = 4.0
-GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,7 @@ class Body:
         stretch: strain of the pieces at the largest pressure, along a power of the pressure or soon and then no more.
         stretch_taper: by how much more the last piece stretches than one in the middle, over it.
         tilt_x_rad, tilt_y_rad, tilt_z_rad: rotation vector of the base, in world axes of the bench at rest.
+        gravity_x_m_s2, gravity_y_m_s2, gravity_z_m_s2: in world axes.
     """
 
     fitting_kg: float = 0.0
@@ -52,6 +52,9 @@ class Body:
     tilt_x_rad: float = 0.0
     tilt_y_rad: float = 0.0
     tilt_z_rad: float = 0.0
+    gravity_x_m_s2: float = 0.0
+    gravity_y_m_s2: float = 0.0
+    gravity_z_m_s2: float = -9.81
 
     @property
     def drag(self) -> float:
@@ -86,8 +89,8 @@ class Skeleton:
     spring_n_m: Array
 
 
-def skeleton(robot: Robot, body: Body) -> Skeleton:
-    """The robot's hinges with the body's changes."""
+def skeleton(robot: Robot, body: Body, payload_kg: float = 0.0) -> Skeleton:
+    """The robot's hinges with the body's changes, and a point mass at the tip."""
     down = np.array([0.0, 0.0, -1.0])
     rows: list[tuple[Array, Array, float, Array, float, int, float]] = []
     before = robot.length_m / 2 * down
@@ -105,6 +108,14 @@ def skeleton(robot: Robot, body: Body) -> Skeleton:
             rows.append(
                 (np.array([0.0, -1.0, 0.0]), before, *_piece(part, mass / 2, body, False), -1, stiffness)
             )
+    if payload_kg > 0.0:
+        axis, offset, mass, centre, inertia, module_of, spring = rows[-1]
+        total = mass + payload_kg
+        middle = (mass * centre + payload_kg * before) / total
+        inertia += mass * float(np.sum((centre - middle) ** 2)) + payload_kg * float(
+            np.sum((before - middle) ** 2)
+        )
+        rows[-1] = (axis, offset, total, middle, inertia, module_of, spring)
     axes, offsets, masses, centres, inertias, module, springs = zip(*rows, strict=True)
     linear = np.array(springs)
     return Skeleton(
@@ -150,7 +161,8 @@ def base_turn(angles_rad: tuple[float, float, float], body: Body) -> Array:
 
 def gravity_on(angles_rad: tuple[float, float, float], body: Body) -> Array:
     """(3,) gravity as the base sees it, m/s²."""
-    return base_turn(angles_rad, body).T @ GRAVITY
+    gravity = np.array([body.gravity_x_m_s2, body.gravity_y_m_s2, body.gravity_z_m_s2])
+    return base_turn(angles_rad, body).T @ gravity
 
 
 def stretches(body: Body, count: int, share: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -13,9 +13,20 @@ from typing import Literal
 
 import numpy as np
 from benchmarks.evidence import rod_truth
+from benchmarks.evidence.bench_errors import MISTAKES
 from benchmarks.evidence.form_table import Split
+from benchmarks.evidence.law_shapes import SIZES
 from benchmarks.evidence.sets import SetSpec
-from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, robots_of
+from benchmarks.evidence.truths import (
+    CLEAN,
+    KINDS,
+    PAIRED,
+    PARAMETERS,
+    PLUS,
+    UNKNOWN,
+    Engine,
+    robots_of,
+)
 
 # Poor sets that get two more runs: the proposed ones, or any of the menu.
 PLANS = ("suggested", "random")
@@ -47,7 +58,7 @@ TURNS = ("joint", "four", "finger", "chain")
 
 # Whatever changes the measured sets: a change there makes other sets, with other names.
 TRUTH_FILES = (
-    "robots skeleton protocols forms form_table sensors truths "
+    "robots skeleton protocols forms form_table sensors truths law_shapes bench_errors "
     "functional_truth mujoco_truth explicit_truth rod_truth sets"
 )
 
@@ -81,17 +92,35 @@ class Task:
         return hashlib.blake2b(text, key=key, digest_size=8).hexdigest()
 
 
+Bed = Literal["exact", "law_off"]
+BEDS: tuple[Bed, Bed] = ("exact", "law_off")
+# Of sets with two unknown effects that listed ones imitate by cancelling: others than those of `unknown`.
+MISSED, MISSED_SEED = ("tilted_sensor", "detent"), 2000
+# Where a recording begins while its pressure rises, what was before is not known, and no interval could hold.
+INTERVAL_PROTOCOL = "rich_open"
+# What the bench wrote down wrongly, by group: the kind, and the protocol that shows it.
+MISTAKE_GROUPS = {
+    "payload": ("wrong_payload", "payload"),
+    "clock": ("wrong_clock", "rich"),
+    "gravity": ("wrong_gravity", "rich"),
+}
+
+
 @dataclass(frozen=True)
 class Plan:
     """How many sets of what.
 
     Attributes:
+        bed: of laws that are the truth's own but for 0.4 %, or of laws that are off by a random share and shape.
         kinds: effects, `none`, or unknown forms to include; empty means all.
         seeds: sets per effect; `clean`: clean sets; `unknown`: sets per unknown form; `pairs`: sets with two effects.
         weak: sets per effect at each of `WEAK_SNR`; `poor`, `noload`: sets per effect and clean ones under these
             protocols.
         quick: sets per quick effect, and clean ones, whose recordings begin in mid-transient, and of coarse ones.
         rods: sets per effect of a rod, and thrice as many clean ones; judged only, so that no threshold sees a rod.
+        missed: sets per effect of `MISSED`.
+        payload, clock, gravity: sets whose record is wrong.
+        interval: sets per effect of `PARAMETERS` that have the candidate's own equation.
         plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
         other_every: every this many-th set of a kind is made of its other robot.
         draw: makes other sets of the same seeds; of a sealed run the digest of the code that is judged.
@@ -115,6 +144,12 @@ class Plan:
     other_every: int = OTHER_EVERY
     draw: str = ""
     share: float = 1.0
+    bed: Bed = "exact"
+    missed: int = 0
+    payload: int = 0
+    clock: int = 0
+    gravity: int = 0
+    interval: int = 0
 
     def tasks(self) -> list[Task]:
         """All tasks, or the first `share` of them, in an order in which any beginning is a fair part of every group."""
@@ -144,9 +179,24 @@ class Plan:
             every += [Task("improve", spec, "improve") for spec in sets]
         for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
             every.append(Task("pair", self._set(kind, seed, "joint")))
+        every += self._mistaken()
+        for kind in MISSED:
+            seeds = range(MISSED_SEED, MISSED_SEED + self.missed)
+            every += [Task("missed", self._turn(kind, seed)) for seed in seeds]
+        for kind in PARAMETERS:
+            sets = (self._set(kind, seed, "joint", INTERVAL_PROTOCOL) for seed in range(self.interval))
+            every += [Task("interval", replace(spec, candidates=True)) for spec in sets]
+        if self.bed == "law_off":
+            every = [replace(task, spec=with_law_off(task.spec)) for task in every]
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
         mixed = _interleaved(kept)
         return mixed[: max(1, round(self.share * len(mixed)))]
+
+    def _mistaken(self) -> Iterator[Task]:
+        """Sets whose record is wrong, robots in turn."""
+        for group, (kind, name) in MISTAKE_GROUPS.items():
+            for seed in range(getattr(self, group)):
+                yield Task(group, replace(self._turn(kind, seed), protocol=name))
 
     def _turn(self, kind: str, seed: int) -> SetSpec:
         """A set of the robot whose turn it is, and of the engine whose turn it is among those of that robot."""
@@ -164,6 +214,14 @@ class Plan:
         engines = ENGINES[self.split, name == "joint"]
         engine = engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)]
         return SetSpec(kind, seed, engine, name, protocol or self.protocol, self.split, snr, self.draw)
+
+
+def with_law_off(spec: SetSpec) -> SetSpec:
+    """The same set with a law that is off: size and shape are drawn from the set's own name."""
+    name = hashlib.sha256(f"law {spec}".encode()).digest()
+    rng = np.random.default_rng(int.from_bytes(name[:16]))
+    size = float(np.exp(rng.uniform(*np.log(SIZES))))
+    return replace(spec, law_error=round(size, 5), law_seed=int(rng.integers(2**31)))
 
 
 def _interleaved(tasks: Sequence[Task]) -> list[Task]:
@@ -206,9 +264,33 @@ NOTHING = Plan(
     seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, quick=0, rods=0, plan=0, improve=0
 )
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload", *QUICK_PROTOCOLS)
+GROUPS += ("missed", *MISTAKE_GROUPS, "interval")
+# The plan of each bed.
+PLAN_OF: dict[Bed, Plan] = {
+    "exact": Plan(),
+    "law_off": Plan(
+        bed="law_off",
+        seeds=12,
+        clean=160,
+        unknown=6,
+        pairs=60,
+        weak=0,
+        poor=0,
+        noload=0,
+        quick=6,
+        rods=4,
+        plan=40,
+        improve=1,
+        missed=8,
+        payload=24,
+        clock=24,
+        gravity=24,
+        interval=8,
+    ),
+}
 
 
-def tasks_of(group: str, count: int, split: str) -> list[Task]:
+def tasks_of(group: str, count: int, split: str, bed: Bed = "exact") -> list[Task]:
     """The first tasks of a group, kinds in turn."""
     each = -(-count // len(KINDS))
     sizes = {
@@ -220,8 +302,11 @@ def tasks_of(group: str, count: int, split: str) -> list[Task]:
         "poor": {"poor": each},
         "rich_noload": {"noload": each},
         **{name: {"quick": -(-count // (len(QUICK) + 1))} for name in QUICK_PROTOCOLS},
+        "missed": {"missed": -(-count // len(MISSED))},
+        **{name: {name: count} for name in MISTAKE_GROUPS},
+        "interval": {"interval": -(-count // len(PARAMETERS))},
     }
-    plan = replace(NOTHING, split=split, **sizes[group])
+    plan = replace(NOTHING, split=split, bed=bed, **sizes[group])
     return [task for task in plan.tasks() if task.group == group][:count]
 
 
@@ -229,8 +314,11 @@ SMALL_KINDS = (CLEAN, "stiffness", "viscous_damping", "mullins", "leak", "sensor
 SMALL_KINDS += ("tendon_friction", "torque_ripple", "run_slip")
 
 
-def small_plan() -> Plan:
+def small_plan(bed: Bed = "exact") -> Plan:
     """A few of every group for CI: at most ten minutes on two cores."""
     few = {"seeds": 1, "clean": 2, "unknown": 1, "quick": 1, "plan": 1}
     none = dict.fromkeys(("pairs", "weak", "poor", "noload", "improve"), 0)  # a plan begins with a poor set
-    return Plan(kinds=SMALL_KINDS, **few, **none)
+    if bed == "exact":
+        return Plan(kinds=SMALL_KINDS, **few, **none)
+    more = {**dict.fromkeys(MISTAKE_GROUPS, 1), "interval": 1}
+    return Plan(kinds=(*SMALL_KINDS, *MISTAKES), bed=bed, **few, **none, **more)

@@ -14,9 +14,17 @@ from typing import Any, Literal
 
 import numpy as np
 from benchmarks.evidence import rod_truth
-from benchmarks.evidence.form_table import Split, forms_of
+from benchmarks.evidence.bench_errors import (
+    MISTAKE_CHANGES,
+    MISTAKES,
+    UNSCALED,
+    BenchError,
+    Vector,
+    gravities,
+)
+from benchmarks.evidence.form_table import CANDIDATE_FORMS, MISTAKE_FORMS, SPLITS, Split, forms_of
 from benchmarks.evidence.forms import Forms
-from benchmarks.evidence.robots import Robot
+from benchmarks.evidence.robots import B_E, Array, Robot
 from benchmarks.evidence.rod_truth import Rod
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
@@ -78,6 +86,11 @@ UNKNOWN: Mapping[str, Right] = {
     "tilted_sensor": ("unknown_effect",),
     "warm_sensor": ("unknown_effect",),
 }
+# Of them, those that are functions of the actuation and the angle of a joint alone: where the law is off anyway, "the
+# law is off" says of them what can be known.
+STATIC_UNKNOWN = ("gain_bump", "wall_buckling", "detent")
+# An answer that says that nothing is missing but the law's own shape, and the name of that shape in classes.
+LAW_OFF, LAW = "law_off", "law"
 # Where a kind makes sense: most sets are made of the first robot, some of the second.
 ROBOTS_OF: Mapping[str, tuple[str, str]] = {
     "tendon_friction": ("finger", "finger"),
@@ -105,9 +118,13 @@ class Truth:
     body: Body = field(default_factory=Body)
     sensor: Sensor = field(default_factory=Sensor)
     rod: Rod = field(default_factory=Rod)
+    bench: BenchError = field(default_factory=BenchError)
 
 
-FIELDS = frozenset((*Forms._fields, *Body.__dataclass_fields__, *Sensor.__dataclass_fields__))
+RECORDS = (Body, Sensor, Rod, BenchError)
+FIELDS = frozenset(
+    (*Forms._fields, *(name for one in (Body, Sensor, BenchError) for name in one.__dataclass_fields__))
+)
 
 
 @dataclass(frozen=True)
@@ -119,6 +136,7 @@ class Part:
         change: fields of `Forms`, `Body` and `Sensor` at a strength; 1 is about 2 σ under a rich protocol, 0 is none.
         largest: the strength beyond which the form makes no sense.
         drawn: its random numbers, by name.
+        stated_gravity: what the study says of gravity, m/s²; None where it says nothing.
     """
 
     kind: str
@@ -126,6 +144,12 @@ class Part:
     change: Callable[[float], dict[str, float]]
     largest: float
     drawn: Mapping[str, float]
+    stated_gravity: Vector | None = None
+
+    @property
+    def unscaled(self) -> bool:
+        """It is as strong as it is: strength 1."""
+        return self.kind in UNSCALED
 
 
 @dataclass(frozen=True)
@@ -134,13 +158,15 @@ class HiddenTruth:
 
     Attributes:
         parts: the hidden effects, in the order of the kind's name.
-        error: fields of the model's law that are off.
+        error: fields of the model's law that are off; or `law`, the table of its error, and `pull`, that of a rod.
         drawn: the random numbers, for the sealed label.
     """
 
     parts: tuple[Part, ...]
     error: Mapping[str, float]
     drawn: Mapping[str, float] = field(default_factory=dict)
+    law: Array | None = None
+    pull: tuple[float, ...] = ()
 
     def at(self, *strengths: float) -> Truth:
         """The truth with each part at its strength; parts without one are absent."""
@@ -152,9 +178,15 @@ class HiddenTruth:
             """Fields by the record that has them; no two records have one of the same name."""
             return {name: value for name, value in changes.items() if name in names}
 
-        forms = Forms(**{**self.error, **of(Forms._fields)})
-        body, sensor, rod = (one(**of(one.__dataclass_fields__)) for one in (Body, Sensor, Rod))
-        return Truth(forms, body, sensor, rod)
+        shape = {} if self.law is None else {"law": self.law}
+        forms = Forms(**{**self.error, **shape, **of(Forms._fields)})
+        body, sensor, rod, bench = (one(**of(one.__dataclass_fields__)) for one in RECORDS)
+        return Truth(forms, body, sensor, replace(rod, rod_pull=self.pull), bench)
+
+    @property
+    def stated_gravity(self) -> Vector | None:
+        """What the study says of gravity; None where it says nothing."""
+        return next((part.stated_gravity for part in self.parts if part.stated_gravity), None)
 
     def alone(self, index: int) -> HiddenTruth:
         """The same truth with one of its parts only."""
@@ -174,6 +206,13 @@ def robots_of(kind: str) -> tuple[str, str]:
 def right_verdicts(kind: str) -> Right:
     """Verdicts that count as right; `missing_effect` also needs the kinds selected."""
     return ("nothing_missing",) if kind == CLEAN else UNKNOWN.get(kind, ("missing_effect",))
+
+
+def right_where_the_law_is_off(kind: str) -> Right:
+    """The same for a set whose law is off: there it is right to say so of a clean robot, and of what is static."""
+    if kind == CLEAN:
+        return ("nothing_missing", LAW_OFF, "insufficient_data")
+    return right_verdicts(kind) + ((LAW_OFF,) if kind in STATIC_UNKNOWN else ())
 
 
 def _viscoelastic(s: float, v: Any) -> dict[str, float]:
@@ -270,27 +309,41 @@ CHANGES: Mapping[str, tuple[float, Callable[[float, Any], dict[str, float]]]] = 
     "tilted_sensor": (8.0, lambda s, v: {"tilted_rad": 0.02 * v.read_modules * s}),
     "warm_sensor": (20.0, lambda s, v: {"warm_rad": 0.06 * v.sign * v.read_modules * s}),
 }
+# The candidate's parameters, SI, by the fields of a set that has its equation.
+PARAMETERS: Mapping[str, Callable[[Any], dict[str, float]]] = {
+    "backlash": lambda v: {"play_rad": v.play_rad},
+    "viscoelastic": lambda v: {"share": v.branch_1 / B_E, "time_s": v.time_1_s},
+    "viscous_damping": lambda v: {"time_s": v.viscous / B_E},
+    "supply_lag": lambda v: {"time_s": v.lag_s, "vent_ratio": v.lag_vent, "second_ratio": v.lag_second},
+    "friction_hysteresis": lambda v: {"half_width_rad": v.friction / B_E, "break_away_rad": v.friction_width},
+    "sensor_bias": lambda v: {"bias_rad": v.bias_rad},
+    "permanent_set": lambda v: {"share": v.set_share},
+}
 # Kinds that draw a `sign`, before their other numbers.
 SIGNED = ("stiffness", "actuation_gain", "pressure_offset", "sensor_bias", "wall_thickness", "cross_axis")
 SIGNED += ("sensor_scale", "bimodulus", "filling_hysteresis", "session_drift", "warm_sensor")
+SIGNED += ("wrong_payload", "wrong_clock")
 
 
-def draw_part(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> Part:
-    """One effect of one of the split's forms, with random numbers.
+def draw_part(
+    kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator, candidates: bool = False
+) -> Part:
+    """One effect of one of the split's forms, or of the candidate's own, with random numbers.
 
     Raises:
         ValueError: a kind that this test bed has not.
     """
     if kind == CLEAN:
         return Part(kind, "", lambda s: {}, 0.0, {})
-    if kind not in (rod_truth.CHANGES if engine == "rod" else CHANGES):
+    if kind not in (rod_truth.CHANGES if engine == "rod" else {**CHANGES, **MISTAKE_CHANGES}):
         raise ValueError(f"no truth of kind '{kind}'")
     if engine == "rod":
         return _rod_part(kind, rng)
-    largest, change = CHANGES[kind]
+    largest, change = CHANGES.get(kind) or MISTAKE_CHANGES[kind]
+    every = (CANDIDATE_FORMS[kind],) if candidates else _forms_of(kind, split)
     possible = [
         form
-        for form in forms_of(kind, split)
+        for form in every
         if (not form.engines or engine in form.engines) and (not form.robots or robot.name in form.robots)
     ]
     form = possible[int(rng.integers(len(possible)))]
@@ -302,7 +355,18 @@ def draw_part(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.ran
     read_modules = robot.modules if "angle_rad" in robot.outputs else 1
     v = SimpleNamespace(**numbers, robot=robot, read_modules=read_modules)
     fields = {name: value for name, value in numbers.items() if name in FIELDS and name != "scale"}
-    return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn)
+    stated = gravities(v)[1] if kind == "wrong_gravity" else None
+    return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn, stated)
+
+
+def _forms_of(kind: str, split: Split) -> tuple[Any, ...]:
+    return MISTAKE_FORMS[kind][SPLITS.index(split)] if kind in MISTAKES else forms_of(kind, split)
+
+
+def parameters_of(part: Part, strength: float) -> dict[str, float]:
+    """ "kind.name": value of the candidate's parameters that make the same readings, of a part with its equation."""
+    found = PARAMETERS[part.kind](SimpleNamespace(**part.change(strength)))
+    return {f"{part.kind}.{name}": value for name, value in found.items()}
 
 
 def _rod_part(kind: str, rng: np.random.Generator) -> Part:
@@ -316,7 +380,9 @@ def _rod_part(kind: str, rng: np.random.Generator) -> Part:
     )
 
 
-def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> HiddenTruth:
+def draw(
+    kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator, candidates: bool = False
+) -> HiddenTruth:
     """A truth of this kind with random parameters and a random error of the model's law.
 
     Raises:
@@ -326,6 +392,6 @@ def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.G
     for name, size in (("actuation", 0.004), ("elastic", 0.003)):
         error[f"{name}_error"] = size * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2)
         error[f"{name}_phase"] = rng.uniform(0, 2 * np.pi)
-    parts = tuple(draw_part(name, engine, robot, split, rng) for name in kind.split(PLUS))
+    parts = tuple(draw_part(name, engine, robot, split, rng, candidates) for name in kind.split(PLUS))
     drawn = {f"{part.kind}.{key}": value for part in parts for key, value in part.drawn.items()}
     return HiddenTruth(parts, error, error | drawn)

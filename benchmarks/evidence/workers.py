@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,10 @@ from benchmarks.evidence.tasks import Task
 from pliant.store.store import write_atomically
 
 KEPT = {"verdict", "selected", "selected_class", "beside_class", "hypotheses", "credible_set", "classes"}
-KEPT |= {"n_effective", "next_experiment", "steps"}
-# Of a hypothesis the judge needs no more.
-HYPOTHESIS = ("kinds", "probability", "rmse_over_floor")
+KEPT |= {"n_effective", "next_experiment", "steps", "bookkeeping"}
+# Of a hypothesis the judge needs no more, and of its parameters.
+HYPOTHESIS = ("kinds", "probability", "rmse_over_floor", "parameters")
+PARAMETER = ("value", "sd", "low", "high")
 # Its sets are also given to the scorer that knows the true forms.
 ORACLE_GROUP = "poor"
 # Any run of the menu, drawn at random.
@@ -95,12 +96,20 @@ def ask(question: Question) -> dict[str, Any]:
         result = diagnoser(f"{path}_study.yaml", data, _seed(name))
         line["result"] = {key: value for key, value in result.items() if key in KEPT}
         if "hypotheses" in result:
-            line["result"]["hypotheses"] = [
-                {key: one[key] for key in HYPOTHESIS if key in one} for one in result["hypotheses"]
-            ]
+            line["result"]["hypotheses"] = [_needed(one) for one in result["hypotheses"]]
     except Exception as error:  # one set that fails must not end the bench
         line["error"] = f"{type(error).__name__}: {error}"[:2000]
     return line | {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu}
+
+
+def _needed(hypothesis: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {key: hypothesis[key] for key in HYPOTHESIS if key in hypothesis}
+    if "parameters" in kept:
+        kept["parameters"] = {
+            name: {key: one[key] for key in PARAMETER if key in one}
+            for name, one in (kept["parameters"] or {}).items()
+        }
+    return kept
 
 
 def _seed(name: str) -> int:

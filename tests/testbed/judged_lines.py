@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.evidence.judge import judge
-from benchmarks.evidence.truths import right_verdicts
+from benchmarks.evidence.truths import right_verdicts, right_where_the_law_is_off
 
 CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
 
 
-def label_of(kind: str) -> dict[str, Any]:
+def label_of(kind: str, law_error: float = 0.0) -> dict[str, Any]:
     label = {
         "kind": kind,
         "forms": ["a form"],
@@ -19,7 +19,8 @@ def label_of(kind: str) -> dict[str, Any]:
         "protocol": "rich",
         "excited": True,
     }
-    return label | {"right": list(right_verdicts(kind)), "snr_reached": 2.0}
+    right = right_where_the_law_is_off(kind) if law_error else right_verdicts(kind)
+    return label | {"right": list(right), "snr_reached": 2.0, "law_error": law_error}
 
 
 def answer(verdict: str, *selected: str, credible: Any = ()) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from benchmarks.evidence.form_table import FORMS, PLACES, Form, forms_of
+from benchmarks.evidence.bench_errors import MISTAKES
+from benchmarks.evidence.form_table import FORMS, LAW_SHAPES, MISTAKE_FORMS, PLACES, Form, forms_of
 from benchmarks.evidence.robots import ROBOTS
 from benchmarks.evidence.sets import SetSpec, make_set, signal
 from benchmarks.evidence.tasks import ENGINES, Plan
@@ -39,7 +40,7 @@ def apart(one: Form, other: Form) -> bool:
 def test_the_forms_of_a_kind_are_disjoint_between_the_splits() -> None:
     shared = [
         (kind, one.name, other.name)
-        for kind, (calibration, judged) in FORMS.items()
+        for kind, (calibration, judged) in {**FORMS, **MISTAKE_FORMS, "law": LAW_SHAPES}.items()
         for one, other in product(calibration, judged)
         if not apart(one, other)
     ]
@@ -53,8 +54,10 @@ def test_the_forms_of_a_kind_are_disjoint_between_the_splits() -> None:
 
 
 def test_every_shipped_effect_and_every_unknown_one_has_its_forms() -> None:
+    mistakes = {name for effects, _ in MISTAKES.values() for name in effects}
     shipped = set(candidate_kinds(discover()))
-    assert set(KINDS) == shipped
+    assert set(KINDS) == shipped - mistakes - {"load_error"}
+    assert set(MISTAKES) == set(MISTAKE_FORMS) and not set(MISTAKES) & {*KINDS, *UNKNOWN}
     assert set(FORMS) == {*KINDS, *UNKNOWN} == set(CHANGES) - {CLEAN}
     assert len(UNKNOWN) >= 12 and not set(UNKNOWN) & set(KINDS)
     for kind, splits in FORMS.items():

@@ -20,14 +20,17 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.evidence import ledger, oracle, run_bench, seal
-from benchmarks.evidence.judge import judge, summary
+from benchmarks.evidence.counting import OTHERS, summary
+from benchmarks.evidence.judge import judge
+from benchmarks.evidence.law_shapes import SIZES
 from benchmarks.evidence.oracle import best, choice, mean_squares
-from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish, with_tables
+from benchmarks.evidence.publish import LAW_OFF_TABLES, PAGE, TABLES, expected_time, publish, with_tables
 from benchmarks.evidence.publish import stored as stored_tables
 from benchmarks.evidence.result_pictures import matrix
+from benchmarks.evidence.robots import ROBOTS
 from benchmarks.evidence.run_bench import Bench, Job, append, read
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.tasks import QUICK, Plan, Task, planned, small_plan
+from benchmarks.evidence.tasks import PLAN_OF, QUICK, Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, robots_of
 from benchmarks.evidence.workers import ANY, make
 from tests.testbed.judged_lines import CLASSES, answer, label_of, stated
@@ -68,6 +71,15 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert task.secret_id(KEY) == task.secret_id(KEY) != task.secret_id(KEY[::-1])
     other = Plan().tasks()
     assert {task.spec.engine for task in other} == {"functional"}  # thresholds see one engine of three
+    law_off = [
+        t for split in ("calibration", "judged") for t in replace(PLAN_OF["law_off"], split=split).tasks()
+    ]
+    assert len(law_off) / 2 < len(tasks) and all(SIZES[0] <= t.spec.law_error <= SIZES[1] for t in law_off)
+    assert all(not t.spec.law_error for t in tasks)
+    seen = {t.group for t in law_off}
+    assert seen == {t.group for t in tasks} - {"weak", "poor", "rich_noload"} | set(OTHERS)
+    for part in ("payload", "clock", "gravity"):
+        assert {t.spec.robot for t in law_off if t.group == part} == set(ROBOTS)
     small = small_plan().tasks()
     assert {task.group for task in small} == {"effect", "clean", "unknown", "midway", "coarse", "plan"}
     assert len(small) < 20
@@ -146,7 +158,7 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     assert shares[hidden.index("mullins"), columns.index("mullins")] == pytest.approx(95)
     assert with_tables(PAGE.read_text(), stored_tables()) == PAGE.read_text()  # nothing on it is typed
     named = set(re.findall(r"<!-- bench: (\w+) -->", PAGE.read_text()))
-    assert named == set(TABLES)
+    assert set(TABLES) <= named <= {*TABLES, *LAW_OFF_TABLES}
 
 
 def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
@@ -352,6 +364,7 @@ def test_kept_answers_are_judged_as_the_whole_ones(tmp_path: Path) -> None:
 def test_the_answers_in_the_tree_are_small_and_belong_to_the_last_run_that_ended() -> None:
     head, items = ledger.read_answers()
     ended = [one for one in ledger.entries() if one.get("done") and "plan" in one]
+    ended = [one for one in ended if one["plan"].get("bed", "exact") == "exact"]
     assert bool(head) == bool(ended)
     if head:
         assert ledger.ANSWERS.stat().st_size < 2_000_000 and len(items) == head["done"]

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 from benchmarks.evidence import seal
-from benchmarks.evidence.judge import judge, reliability, summary, wilson
+from benchmarks.evidence.counting import reliability, summary, wilson
+from benchmarks.evidence.judge import judge
 from benchmarks.evidence.publish import as_text
 from benchmarks.evidence.truths import CLEAN, KINDS
 from hypothesis import given

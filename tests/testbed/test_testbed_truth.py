@@ -386,6 +386,7 @@ def test_the_study_given_away_is_a_study(name: str, tmp_path: object) -> None:
 def test_protocols_are_what_their_table_says() -> None:
     runs = {name: protocol(name) for name in NAMES}
     counts = {"rich": 30, "rich_noload": 26, "rates": 9, "poor": 5, "midway": 30, "coarse": 12, "example": 16}
+    counts |= {"payload": 26, "rich_open": 28}
     assert {name: len(found) for name, found in runs.items()} == counts
     assert 4000 < sum(len(run) for run in runs["rich"]) < 4300
     rich = runs["rich"]
