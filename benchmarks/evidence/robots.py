@@ -90,7 +90,7 @@ class Robot:
 
 
 # What the study of an exact law says of it, once a study has that key.
-LAW_ERROR_STATED = False
+LAW_ERROR_STATED = True
 LAW_ERROR = "law_error: 0.5 %\n"
 PAYLOAD_SHARE = 0.3
 TENDON_TASK = "{kind: tendon_finger, tendon_force: 9 N}"

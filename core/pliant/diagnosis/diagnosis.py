@@ -15,6 +15,7 @@ from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
 from pliant.diagnosis.evidence_table import (
+    LAW,
     LEAST_SQUARE,
     NOTHING,
     THRESHOLDS,
@@ -206,12 +207,14 @@ def diagnose(
         for kind in chosen
         if not np.all(np.isfinite(search.fits[(kind,)].residual))
     ]
-    bare = fitter.law and law_off(predictor, measurement, readings, fitter.law.basis, search.fits[NOTHING])
+    bare = fitter.law and law_off(
+        predictor, measurement, readings, fitter.law.basis, search.fits[NOTHING], table.noise
+    )
     judgement = judge(table, thresholds, len(chosen) - len(silent), f" {bare.words}" if bare else "")
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
     off = None
     if fitter.law is not None and table.law_is_off(explained):
-        off = law_off(predictor, measurement, readings, fitter.law.basis, search.fits[explained])
+        off = law_off(predictor, measurement, readings, fitter.law.basis, search.fits[explained], table.noise)
     noiseless = Remark(
         f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range.",
         Rank.FLOOR,
@@ -332,6 +335,8 @@ def next_words(found: Diagnosis) -> str:
 def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
     """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
     lines = list(found.judgement.reasons) if reasons else []
+    if found.law_off is not None:
+        lines.append(law_words(found.law_off, found.explained))
     for kind in found.selected:
         lines += in_plain_words(registry, kind)
         twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
@@ -342,13 +347,23 @@ def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]
         lines += [class_words(one, left) for one in found.classes if left & set(one.kinds)]
     if found.verdict == "ambiguous":  # a look at the bench may decide what the readings do not
         left_kinds = dict.fromkeys(kind for kinds in found.judgement.credible for kind in kinds)
-        for kind in [kind for kind in left_kinds if kind != UNKNOWN[0]][:MOST_NAMED]:
+        for kind in [kind for kind in left_kinds if kind not in (UNKNOWN[0], LAW)][:MOST_NAMED]:
             lines += [" ".join(in_plain_words(registry, kind, signature=False))]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     if found.learned is not None:
         lines.append(offer(found.learned))
     return lines
+
+
+def law_words(off: LawOff, beside: Kinds) -> str:
+    """How far the law is off beside the best explanation, and what can be done about it."""
+    more = f"Beside {' + '.join(beside)} the" if beside else "The"
+    return (
+        f"{more} law is off {off.words}, by {off.size:.1%} of its torque range, which explains "
+        f"{whole_percent(off.share)} of the squared error{' that is left' if beside else ''}. Solve FEM states there, "
+        "try another surrogate or material, or let 'pliant improve' add the correction."
+    )
 
 
 def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> list[str]:
@@ -363,6 +378,7 @@ def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> lis
 def class_words(one: EffectClass, first: Collection[str] = ()) -> str:
     """Which effects look the same, those of `first` named first, and the run that parts them."""
     kinds = sorted(one.kinds, key=lambda kind: (kind not in first, kind))
+    kinds = ["the law's own shape" if kind == LAW else kind for kind in kinds]
     more = len(kinds) - MOST_NAMED
     names = kinds if more <= 1 else [*kinds[:MOST_NAMED], f"{more} more"]
     alike = f"At twice the noise these runs cannot tell {listed(names)} apart"

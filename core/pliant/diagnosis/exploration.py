@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import NINETY
 from pliant.diagnosis.fitting import Fitter, ReadingVector
+from pliant.diagnosis.law_discrepancy import LawError, Whitener
 from pliant.diagnosis.posterior import Posterior
 from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.records.design import Array
@@ -91,7 +92,12 @@ class Exploration:
 
 
 def explore(
-    fitter: Fitter, posterior: Posterior, scale: float, parts: int = 1, count: int | None = None
+    fitter: Fitter,
+    posterior: Posterior,
+    scale: float,
+    parts: int = 1,
+    count: int | None = None,
+    law: LawError | None = None,
 ) -> Exploration:
     """Predict the fitter's readings at draws of the posterior.
 
@@ -101,6 +107,7 @@ def explore(
         scale: s², what one independent reading adds to Σ r² by chance.
         parts: steps of the integration from sample to sample, as the fit had them.
         count: draws; as many as `MOST_PREDICTED` readings allow by default.
+        law: the law's own error as it was part of the fit.
     """
     wide = replace(posterior, covariance=WIDER**2 * posterior.covariance)
     x = wide.draws(count or draws_for(parts * len(fitter.readings)), SEED)
@@ -109,7 +116,10 @@ def explore(
     residual = fitter.readings.values - predicted
     lost = ~np.isfinite(residual)
     there = lost.mean(axis=1) <= MOST_LOST
-    squares = np.where(lost, 0.0, residual) ** 2 @ fitter.weights
+    known = np.where(lost, 0.0, residual)
+    if law is not None:
+        known = Whitener.of(law.columns, law.precision).apply(known.T).T
+    squares = known**2 @ fitter.weights
     logs = np.where(there, log_density(squares, x, scale) - _log_normal(wide, x), -np.inf)
     weights = np.zeros(len(x)) if not there.any() else np.exp(logs - logs.max())
     weights /= max(float(weights.sum()), 1e-300)

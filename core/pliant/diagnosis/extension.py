@@ -20,6 +20,7 @@ from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector, Score, readings_over_floor, score
 from pliant.diagnosis.kept_posterior import block_of
+from pliant.diagnosis.law_discrepancy import prior_of
 from pliant.diagnosis.learned_forms import KIND
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
@@ -54,7 +55,8 @@ class Extension:
         noise: as the residuals of the extended model show it; its floors are those of all scores.
         before: the error of the model as it was, all readings.
         after: the same with the effects.
-        residuals: (t,) per run by output, of the fitted model.
+        residuals: (t,) per run by output, of the fitted model. The law's own error was part of the fit, so that
+            values and intervals hold where the law is off; it is no part of the model, nor of the errors here.
         left_out: the same with the readings of each condition left out of the fit that predicts them; where a
             parameter would then not be known at all those of the model as it was, or of several kinds those of the
             best smaller extension, left out likewise. None with one condition only.
@@ -159,16 +161,21 @@ def extend(
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
     parts = fitter.steps(effects)
-    plain = fitter.look(present, np.zeros(0), parts).residual
+    as_it_is = fitter.look(present, np.zeros(0), parts)
+    plain = as_it_is.raw
     before = readings.unpack(plain)
+    prior = prior_of(ground.predictor.law_error)
+    seen = noise_view(ground.measurement, before, readings.scales, ground.groups)
+    fitter = fitter.with_law_error(as_it_is, prior, seen.n_effective)
     fit = fitter.fit(candidate, _starts(candidate, effects), parts)
     if len(kinds) > 1:
         smaller = smaller or _alone(ground, candidate, effects)
         had = _had(candidate, effects)
         fit = fitter.no_worse(fit, [had, *({**had, **one.fit.named} for one in smaller)])
     without = _StandIn.of(readings, fitter, plain, smaller)
-    after = readings.unpack(fit.residual)
-    noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
+    after = readings.unpack(fit.raw)
+    noise = noise_view(ground.measurement, readings.unpack(fit.residual), readings.scales, ground.groups)
+    fit = fit.with_law(prior, noise.n_effective)
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
@@ -187,10 +194,10 @@ def extend(
         residuals=after,
         left_out=_left_out(readings, fit, without.conditions, condition),
         left_out_runs=_left_out(readings, fit, without.runs, np.arange(readings.n_runs))
-        or readings.unpack(heldout_residual(fit, blocks_of(readings), without.runs)),
+        or readings.unpack(heldout_residual(fit, blocks_of(readings), without.runs, exact_law=True)),
         posterior=posterior.about(values),
         scatter=scatter_of(noise, after, len(fit.x)),
-        exploration=explore(fitter, posterior, scale, fit.parts) if profiles else None,
+        exploration=explore(fitter, posterior, scale, fit.parts, law=fit.law) if profiles else None,
     )
 
 
@@ -247,7 +254,7 @@ def _left_out(
     groups = number[readings.run]
     if len(np.unique(groups)) < 2:
         return None
-    return readings.unpack(heldout_residual(fit, groups, plain))
+    return readings.unpack(heldout_residual(fit, groups, plain, exact_law=True))
 
 
 def _rounded(
@@ -262,9 +269,8 @@ def _rounded(
             for one in found.estimates
         }
         effects = candidate.with_values(values)
-        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts).mean_square(
-            fitter.weights
-        )
+        at = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts, fit.law)
+        there = at.mean_square(fitter.weights)
         if abs(there - wanted) <= ROUNDING * wanted:
             break
     return values

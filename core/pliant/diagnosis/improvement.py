@@ -22,7 +22,7 @@ import numpy as np
 from pliant.config.study import Study
 from pliant.diagnosis.bands import bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
-from pliant.diagnosis.evidence_table import Kinds
+from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import score
 from pliant.diagnosis.learned_forms import KIND as LEARNED
@@ -41,7 +41,7 @@ from pliant.diagnosis.steps import (
     predicting_step,
 )
 from pliant.diagnosis.test_split import TrainTestSplit, lock
-from pliant.diagnosis.unseen import block_squares, prediction_gain
+from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.excess import Excess
@@ -76,6 +76,13 @@ CLOSINGS = {
         "nor a few of them together, brings it down.",
         "Something is missing, and it is not in the list: no listed effect, nor a few of them together, explains the "
         "error.",
+    ),
+    "law_off": (
+        "What is left is noise, {left} times its floor. No listed effect lowers the error of the training runs any "
+        "further; the law itself is off{law}.",
+        "No listed effect lowers the error of the training runs any further; the law itself is off{law}, and the "
+        "error is {left} times the noise.",
+        "No listed effect lowers the error of the training runs any further; the law itself is off{law}.",
     ),
     "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED, UNDECIDED),
 }
@@ -126,7 +133,7 @@ def improve(
     walk = _Walk(bench, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
-    if learned:
+    if not walk.correct_law() and learned:
         walk.learn()
     return walk.scored(stop, reason, final)
 
@@ -204,6 +211,28 @@ class _Walk:
         self.drafts.append(replace(last, effects=found.effects, residuals=residuals, left_out=left))
         self.effects = found.effects
         return found
+
+    def correct_law(self) -> bool:
+        """Add the law's own error where the last diagnosis shows one and runs left out are predicted better with it."""
+        found = self.last
+        if found is None or found.law_off is None or found.explained != NOTHING:
+            return False
+        off, term = found.law_off, found.law_off.term
+        if not (term.sure > SURE and term.after < (1.0 - LEAST_GAIN) * term.before):
+            return False
+        effects = (*self.effects, term.effect)
+        residuals = self.ground.residuals(effects, self.measurement)
+        why = (
+            f"The law itself is off {off.words}, {off.size:.1%} of its torque range: a smooth surface over actuation "
+            f"and deformation corrects it where these runs went, and nowhere else. It takes the error on {term.on} "
+            f"from {term.before:.2f} to {term.after:.2f} times the noise."
+        )
+        whole = [len(run) for run in found.measurement.runs] == [
+            len(run) for run in self.locked.training.runs
+        ]
+        left = found.readings.unpack(term.left_out) if whole else self.ground.residuals(effects)
+        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="law", learned=term))
+        return True
 
     def learn(self) -> None:
         """What no listed effect explains as a learned term, where it predicts training runs left out better."""
@@ -310,7 +339,8 @@ class _Walk:
         listed_last = steps[-2] if last.learned is not None else steps[-1]
         reason = self._closing(stop, reason, listed_last, noise)
         if last.learned is not None:
-            reason += f" The last step is a learned term over {depends_on(last.learned)}: it describes what is left."
+            what = "describes what is left" if last.cause == "learned" else "corrects the law"
+            reason += f" The last step is a learned term over {depends_on(last.learned)}: it {what}."
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [
             *self.measurement.remarks,
@@ -359,12 +389,14 @@ class _Walk:
             return f"{RIGHT.format(left=left)}. {reason}" if small else reason
         if stop in CLOSINGS:
             words = CLOSINGS[stop][0 if small else 1 if np.isfinite(left.ratio) else 2]
-            first = words.format(left=left, gain=left.gain, contenders=found.judgement.contenders)
+            first = words.format(
+                left=left, gain=left.gain, contenders=found.judgement.contenders, law=found.judgement.law
+            )
         elif stop == "insufficient_data" and self.added:
             first = "Whether more is missing these data cannot tell."
         else:
             first = found.judgement.sentence
-        if stop == "nothing_missing":
+        if stop in ("nothing_missing", "law_off"):
             return first
         if self.drafts[-1].learned is not None:
             found = replace(found, learned=None)  # it is in the model: nothing to offer

@@ -111,9 +111,12 @@ class LawErrorBasis:
 
     def effect(self, predictor: Predictor, coefficient: Array) -> EffectConfig:
         """Return δ with these coefficients (m,) as an effect of a study."""
-        config = predictor.bench.registry.get("effect", KIND).config_model()
         block = self.form.block(self.directions @ coefficient)
-        return cast(EffectConfig, config.model_validate(block))
+        return self.config(predictor).model_validate(block)
+
+    def config(self, predictor: Predictor) -> type[EffectConfig]:
+        """Return the config model of the effect that holds δ."""
+        return cast(type[EffectConfig], predictor.bench.registry.get("effect", KIND).config_model())
 
 
 def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:

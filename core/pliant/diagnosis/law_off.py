@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.diagnosis.fitting import EffectFit, ReadingVector
 from pliant.diagnosis.law_discrepancy import LawErrorBasis
+from pliant.diagnosis.learned_term import LearnedTerm
+from pliant.diagnosis.left_out import blocks_of, heldout_residual
+from pliant.diagnosis.noise import NoiseView
 from pliant.evidence.prediction import Predictor
 from pliant.formatting import unit_of
-from pliant.mechanics.learned_curve import CurveAxis
-from pliant.records.design import Array
-from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
 
@@ -25,9 +24,8 @@ class LawOff:
         size: its most probable size, a share of the torque range; `effort` is that range, N·m or N.
         output, change: the reading that it changes most in units of its noise, and by how much there, SI.
         actuation, reading: the input and the measured reading at that sample, SI; `drive` is the input's name.
-        share: of the mean squared error of the model as it is that it explains.
-        axes: actuation and deformation, or one of them, with the knots of the surface.
-        value, sd: at the knots, N·m or N: posterior mean and standard deviation.
+        share: of the squared error of the model that it explains.
+        term: the error as a learned term over actuation and deformation, with its band.
     """
 
     size: float
@@ -38,18 +36,14 @@ class LawOff:
     actuation: float
     reading: float
     share: float
-    axes: tuple[CurveAxis, ...]
-    value: Array
-    sd: Array
+    term: LearnedTerm
 
     @property
     def words(self) -> str:
         """``by 0.31° at 9.2 kPa and 12°``."""
         unit, pushed = unit_of(self.output), unit_of(self.drive)
-        return (
-            f"by {unit.text(abs(self.change), 2)} at {pushed.text(self.actuation, 2)} and "
-            f"{unit.text(self.reading, 2)}"
-        )
+        change, reading = (unit.text(value, 2) for value in (abs(self.change), self.reading))
+        return f"by {change} at {pushed.text(self.actuation, 2)} and {reading}"
 
 
 def law_off(
@@ -58,6 +52,7 @@ def law_off(
     readings: ReadingVector,
     basis: LawErrorBasis,
     fit: EffectFit,
+    noise: NoiseView,
 ) -> LawOff | None:
     """Return by how much the law is off beside a hypothesis; None where that holds no error of the law.
 
@@ -67,6 +62,7 @@ def law_off(
         readings: places and scales.
         basis: of the law's error.
         fit: the hypothesis.
+        noise: as the best hypothesis shows it.
     """
     if fit.law is None or not np.isfinite(fit.raw).all():
         return None
@@ -74,29 +70,62 @@ def law_off(
     worst = int(np.argmax(np.abs(change)))
     output = readings.outputs[readings.output[worst]]
     run, sample = _place(readings, output, worst)
-    history = measurement.runs[run].history
     drive = predictor.chain.actuators[0].input
+    level = measurement.runs[run].history.actuation.get(drive)
     raw, left = float(np.sum(fit.raw**2)), float(np.sum(fit.residual**2))
-    spread = np.sqrt(fit.law.precision) * fit.law.size  # root of N σ² / n_eff
-    root = spread * fit.law.posterior_root()
     return LawOff(
         size=fit.law.size,
         effort=basis.effort,
         output=output,
         change=float(change[worst]) * readings.scales[output],
         drive=drive,
-        actuation=_level(history, drive, sample),
+        actuation=0.0 if level is None else float(level[sample]),
         reading=float(readings.values[worst]) * readings.scales[output],
         share=max(1.0 - left / max(raw, 1e-300), 0.0),
-        axes=basis.form.axes,
-        value=(basis.directions @ fit.law.coefficient).reshape(basis.form.shape),
-        sd=np.sqrt(np.sum((basis.directions @ root) ** 2, axis=1)).reshape(basis.form.shape),
+        term=_term(predictor, readings, basis, fit, noise, drive),
     )
 
 
-def _level(history: History, drive: str, sample: int) -> float:
-    values: Sequence[float] | Array = history.actuation.get(drive, np.zeros(0))
-    return float(values[sample]) if len(values) > sample else 0.0
+def _term(
+    predictor: Predictor,
+    readings: ReadingVector,
+    basis: LawErrorBasis,
+    fit: EffectFit,
+    noise: NoiseView,
+    drive: str,
+) -> LearnedTerm:
+    """Return the law's error of a fit as a learned term, judged on readings left out."""
+    assert fit.law is not None
+    by_run = len(np.unique(readings.run)) > 2
+    folds = readings.fold if by_run else blocks_of(readings)
+    without = heldout_residual(fit, folds, exact_law=True)
+    left = heldout_residual(fit, folds)
+    root = np.sqrt(fit.law.precision) * fit.law.size * (basis.directions @ fit.law.posterior_root())
+    covariance = root @ root.T
+    value, sd = basis.directions @ fit.law.coefficient, np.sqrt(np.diag(covariance))
+    scale = 1.0 / np.sqrt(noise.floor_square) if noise.floor_square > 0.0 else np.nan
+    before, after = (float(np.sqrt(np.mean(one**2))) * scale for one in (without, left))
+    apart = float(np.sqrt(np.sum((without - left) ** 2) * len(left) / max(noise.n_effective, 2.0)))
+    fall = float(without @ without - left @ left)
+    digits = 3 - int(np.floor(np.log10(max(float(np.abs(value).max()), 1e-12))))
+    value = np.round(value, digits)
+    config = basis.config(predictor)
+    return LearnedTerm(
+        effect=config.model_validate(basis.form.block(value, np.array([float(f"{x:.2g}") for x in sd]))),
+        form=basis.form,
+        value=value,
+        sd=sd,
+        covariance=covariance,
+        before=before,
+        after=after,
+        sure=fall / (2.0 * apart / scale) if apart > 0.0 and np.isfinite(scale) else 0.0,
+        freedom=float(np.trace(np.linalg.solve(fit.law.normal, fit.law.columns.T @ fit.law.columns))),
+        residual=fit.residual,
+        left_out=left,
+        tried=1,
+        drive=drive,
+        on="runs left out" if by_run else "blocks left out",
+    )
 
 
 def _place(readings: ReadingVector, output: str, index: int) -> tuple[int, int]:

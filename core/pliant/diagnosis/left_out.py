@@ -18,7 +18,9 @@ LEAST_LEFT = 0.02
 ROUNDING = 1e-14
 
 
-def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None) -> Array:
+def heldout_residual(
+    fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None, exact_law: bool = False
+) -> Array:
     """(N,) residual of each reading with the readings of its group left out.
 
     Args:
@@ -26,12 +28,13 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
         groups: (N,) number of each reading's group.
         plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
             known at all, as for the only warm runs when softening with temperature is fitted.
+        exact_law: predict with the law as it is, although its error was part of the fit.
 
     Of a fit without an equilibrium at any start, NaN. The law's own error, where it is part of the hypothesis, is
     known from the other groups only, too.
     """
-    if fit.slopes.shape[1] == 0 and fit.law is None:
-        return fit.residual
+    if fit.slopes.shape[1] == 0 and (fit.law is None or exact_law):
+        return fit.raw
     if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
         return np.full_like(fit.residual, np.nan)
     joint = _JointFit.of(fit)
@@ -39,7 +42,7 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
     prior = np.diag(pull)
     whole, pulled = slopes.T @ slopes, slopes.T @ fit.residual
     spared = _spared(whole, pull, joint.is_nuisance)
-    left = fit.residual.copy()
+    left = fit.raw.copy() if exact_law else fit.residual.copy()
     order = np.argsort(groups, kind="stable")
     members = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
     normals = whole - np.array([slopes[mine].T @ slopes[mine] for mine in members])
@@ -51,8 +54,9 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
         members, normals = list(itertools.compress(members, ~lost)), normals[~lost]
     rights = np.array([pulled - slopes[mine].T @ fit.residual[mine] - pull * joint.x for mine in members])
     moves = _bounded(normals + prior, rights, low - joint.x, high - joint.x)
+    k = fit.slopes.shape[1] if exact_law else slopes.shape[1]
     for mine, move in zip(members, moves, strict=True):
-        left[mine] -= slopes[mine] @ move
+        left[mine] -= slopes[mine, :k] @ move[:k]
     return left
 
 

@@ -121,7 +121,7 @@ def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> l
 # Effects that would predict as well are named up to so many.
 MOST_ALIKE = 4
 # How a step came about: see `StepProposal`.
-Cause = Literal["", "named", "class", "open", "learned"]
+Cause = Literal["", "named", "class", "open", "learned", "law"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +183,7 @@ class Step:
         stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
             which; empty where the verdict was the effect itself.
         cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is;
-            `learned`: it describes what is left; empty for the model as it was.
+            `learned`: it describes what is left; `law`: it corrects the law; empty for the model as it was.
         learned: the learned term of this step; None for effects.
     """
 
@@ -202,7 +202,7 @@ class Step:
     def named(self) -> str:
         """What was added, with the look-alikes that it stands for; empty for the model as it was."""
         if self.learned is not None:
-            return "a learned term"
+            return "the law's own error" if self.cause == "law" else "a learned term"
         others = [kind for kind in self.stands_for if kind not in self.added]
         return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
 
@@ -270,7 +270,7 @@ def named_step(found: Diagnosis) -> StepProposal | None:
 
 def predicting_step(found: Diagnosis, without: Collection[str]) -> StepProposal | None:
     """What predicts readings better that no fit has seen, whatever its name; nothing that is there (`without`)."""
-    if found.verdict == "nothing_missing":
+    if found.verdict in ("nothing_missing", "law_off"):
         return None
     best = best_prediction(found, without)
     if best is None:

@@ -76,6 +76,7 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         "missing_effect": _with_parameters(found),
         "ambiguous": one_of_these(judgement),
         "nothing_missing": "Nothing that these runs show",
+        "law_off": f"No effect; the law is off{judgement.law}",
         "unknown_effect": "An effect that is not in the list",
         "not_repeatable": "Not asked: runs with the same inputs differ",
         "insufficient_data": "Cannot be said from these runs",

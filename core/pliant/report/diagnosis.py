@@ -53,7 +53,7 @@ from pliant.report.fitted import (
     verdict_json,
     warned,
 )
-from pliant.report.learned_curve import learned_json
+from pliant.report.learned_curve import law_error_json, learned_json
 from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
@@ -66,6 +66,8 @@ DEMANDS = {
     "Which it is, the run below or a look at the bench tells.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
+    "law_off": "Correct the law: solve FEM states there, try another surrogate or material, or let pliant improve add "
+    "the correction.",
     "unknown_effect": "Do not extend the study with an effect that does not reach the floor; measure what the error "
     "depends on.",
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
@@ -152,6 +154,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
         ],
         "next_experiment": next_run_json(found.next_run, next_file),
         "learned": learned_json(found.learned),
+        "law_error": law_error_json(found.law_off),
         "smallest_detectable": [vars(one) for one in found.detectable],
         "floor": floors_json(noise.floors),
         "n_samples": found.table.n_readings,
@@ -193,7 +196,7 @@ def numbers_text(found: Diagnosis) -> str:
         return f"Even with {named(best)}, the most probable in the list, {fall} only."
     if found.verdict == "missing_effect":
         return f"With {named(best)} {fall} (probability {probability_text(probability[best])})."
-    if found.verdict == "nothing_missing":
+    if found.verdict in ("nothing_missing", "law_off"):
         return f"The model as it is leaves an error of {before:.2f} × the noise floor."
     probable = [f"{named(k)} {probability_text(probability[k])}" for k in found.judgement.credible[:4]]
     return f"The model as it is leaves {before:.2f} × the noise floor. Probabilities: {', '.join(probable)}."
@@ -223,7 +226,7 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     from pliant.report.figures import diagnosis as figures  # matplotlib takes a second to import
-    from pliant.report.learned import learned_section
+    from pliant.report.learned import law_section, learned_section
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
     label = unit_of(output).label
@@ -245,6 +248,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         _next(found),
         _changes(diagnosed, figures.explained_runs, figures.explained_chart),
         learned_section(found.learned),
+        law_section(found.law_off),
         section(
             "What the error depends on",
             depends,

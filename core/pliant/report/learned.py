@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.law_off import LawOff
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import covariate_words, described, quantity
+from pliant.formatting import display_unit, whole_percent
 from pliant.mechanics.learned_curve import basis
 from pliant.report.document import Picture, Section, capital
 from pliant.report.figures import style
@@ -40,6 +42,30 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
         text=text,
         open=True,
     )
+
+
+def law_section(found: LawOff | None) -> Section | None:
+    """Return the law's own error with its band over the data; None without one."""
+    if found is None:
+        return None
+    curve = curve_of(found.term)
+    caption = (
+        "Line and dots: what has to be added to the law's moment; band: 90 %. Grey: no data."
+        if curve is not None
+        else "Left: what has to be added to the law's moment; right: half the width of its 90 % band. Dashed: where "
+        "the data end."
+    )
+    text = (
+        f"The law is off {found.words}. Its error is {found.size:.1%} of the torque range "
+        f"({display_unit('N*m').text(found.effort, 3)}) and explains {whole_percent(found.share)} of the squared "
+        "error.",
+        f"On {found.term.on} of the fit the error is {found.term.before:.2f} times the noise with the law as it is "
+        f"and {found.term.after:.2f} times with the correction.",
+    )
+    picture = Picture(
+        "law_error", caption, learned_picture(found.term), None if curve is None else curve.chart
+    )
+    return Section("The error of the law", (picture,), text=text, open=True)
 
 
 def learned_picture(found: LearnedTerm) -> style.Png:

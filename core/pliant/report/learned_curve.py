@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.law_off import LawOff
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import covariate_words, described, quantity
 from pliant.mechanics.learned_curve import MARGIN, CurveAxis, basis
@@ -52,6 +53,17 @@ class LearnedCurve:
         return Chart(
             (Panel(self.over, self.what, lines, bands, "What the learned term adds", zero="#5c6577"),)
         )
+
+
+def law_error_json(found: LawOff | None) -> dict[str, Any] | None:
+    """Return how far the law is off, SI; the surface as `learned` has it."""
+    if found is None:
+        return None
+    plain = {
+        key: getattr(found, key)
+        for key in ("size", "effort", "output", "change", "drive", "actuation", "reading", "share")
+    }
+    return {**plain, "surface": learned_json(found.term)}
 
 
 def beyond(axis: CurveAxis, count: int) -> Array:
