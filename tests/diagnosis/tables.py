@@ -22,6 +22,9 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "at_limit": (),
         "form_price": 0.0,
         "squares": (),
+        "law_price": 0.0,
+        "raw_square": float("nan"),
+        "prior_price": 0.0,
     }
     return Row(**{field.name: values[field.name] for field in fields(Row)})  # type: ignore[arg-type]
 

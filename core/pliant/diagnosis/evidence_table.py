@@ -213,15 +213,19 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
 def _unpaid(table: EvidenceTable, kinds: Kinds, n: float, thresholds: EvidenceThresholds) -> float:
     """Return log-evidence that is no merit of these effects: smaller hypotheses may leave as much by themselves.
 
-    It never takes more than `reversed_gain` beyond what would make the set as good as the best smaller one.
+    Beside a law that may be off it never takes more than `reversed_gain` beyond what would make the set as good as the
+    best smaller one: an effect's merit may be that the law need not be off.
     """
     mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
+    if not np.isfinite(mine):
+        return 0.0
     lost = 0.5 * n * float(np.log((mine + _allowance(table, kinds, thresholds)) / mine))
-    smaller = [row.mean_square for key, row in table.rows.items() if len(key) < len(kinds)]
-    if not smaller or not np.isfinite(mine):
+    smaller = [key for key in table.rows if len(key) < len(kinds)]
+    if not (table.has_law_error and smaller):
         return lost
-    gained = 0.5 * n * float(np.log(max(min(smaller), mine) / mine))
-    return min(lost, gained + thresholds.reversed_gain)
+    best = min(smaller, key=lambda key: table.rows[key].mean_square)
+    gained = 0.5 * n * float(np.log(max(table.rows[best].mean_square, mine) / mine))
+    return min(lost, gained + _unpaid(table, best, n, thresholds) + thresholds.reversed_gain)
 
 
 def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
@@ -231,9 +235,10 @@ def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
     hypothesis that reaches the floor has none against it, one that leaves twice the noise has 1 : 3.
     """
     floor, n = table.noise.floor_square, max(table.noise.n_effective, 2.0)
-    if not floor > LEAST_SQUARE:
+    square = table.rows[kinds].mean_square
+    if not (floor > LEAST_SQUARE and np.isfinite(square)):
         return -np.inf
-    excess = table.rows[kinds].mean_square / floor - 1.0 - 2.0 * float(np.sqrt(2.0 / n))
+    excess = square / floor - 1.0 - 2.0 * float(np.sqrt(2.0 / n))
     return 2.0 * float(np.log(excess / OUTSIDE)) if excess > 0.0 else -np.inf
 
 
