@@ -27,7 +27,15 @@ from benchmarks.evidence.robots import (
     ROBOTS,
     Array,
 )
-from benchmarks.evidence.sets import MeasuredSet, SetSpec, make_set, truth_of
+from benchmarks.evidence.sets import (
+    MeasuredSet,
+    SetSpec,
+    follow,
+    make_set,
+    noise_sizes,
+    signal,
+    truth_of,
+)
 from benchmarks.evidence.tasks import INTERVAL_PROTOCOL, tasks_of
 from benchmarks.evidence.truths import CLEAN, PARAMETERS
 
@@ -243,6 +251,18 @@ def test_sets_of_the_bed_are_dumped_with_open_labels(
     dump.main(["--bed", "law_off", "--group", "interval", "--count", "2", "--out", str(tmp_path)])
     assert "law off by" in capsys.readouterr().out
     assert len(list(tmp_path.glob("*.csv"))) == len(list(tmp_path.glob("*_label.json"))) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["joint", "four"])
+def test_the_engines_agree_on_a_law_that_is_off(robot: str) -> None:
+    runs = protocol("example", ROBOTS[robot])
+    truth = truth_of(SetSpec(CLEAN, 2, robot=robot, law_error=0.02, law_seed=4)).at()
+    engines = ("functional", "mujoco", "explicit")[: 3 if robot == "joint" else 2]
+    found = {one: follow(one, ROBOTS[robot], runs, truth, np.zeros(len(runs))) for one in engines}
+    sigma = noise_sizes(found["functional"])
+    for engine in found:
+        assert signal(found["functional"], found[engine], sigma) < 0.1, engine
 
 
 def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
