@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -272,8 +273,8 @@ def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.
 
 
 def test_the_grid_holds_what_is_visited() -> None:
-    for robot in ROBOTS:
-        share, angle = visited(robot)
+    for robot, runs in product(ROBOTS, ("rich", "payload")):
+        share, angle = visited(robot, runs)
         bend = angle / TYPICAL_ANGLE_RAD
         assert share.min() == 0.0 and share.max() == 1.0
         assert bend.min() > law_shapes.LOWEST_BEND + 1
