@@ -101,19 +101,22 @@ def draw_law(size: float, split: Split, share: Array, angle_rad: Array, rng: np.
 
 
 @cache
-def law_of(size: float, seed: int, split: Split, robot: str) -> LawShape:
-    """The error of a law by its size and its seed, over the states that the clean robot visits."""
-    return draw_law(size, split, *visited(robot), np.random.default_rng(seed))
+def law_of(size: float, seed: int, split: Split, robot: str, runs: str) -> LawShape:
+    """The error of a law by its size and its seed, over the states that the clean robot visits in a protocol."""
+    return draw_law(
+        size, split, *visited(robot, runs if runs == "payload" else "rich"), np.random.default_rng(seed)
+    )
 
 
 @cache
-def visited(name: str) -> tuple[Array, Array]:
-    """(s,) shares of the largest pressure and angles of every joint of the clean robot in all runs of `rich`.
+def visited(name: str, runs_of: str = "rich") -> tuple[Array, Array]:
+    """(s,) shares of the largest pressure and angles of every joint of the clean robot in all runs.
 
-    A law is of a module, not of the runs of one day: the poor protocol's single curve could say nearly any shape.
+    A law is of a module, not of the runs of one day: the poor protocol's single curve could say nearly any shape. Only
+    payloads take the robot where `rich` does not.
     """
     robot = ROBOTS[name]
-    runs = protocol("rich", robot)
+    runs = protocol(runs_of, robot)
     every = functional_truth.follow(robot, runs, Truth())
     shares = [
         np.repeat(run.pressure_pa / PRESSURE_MAX_PA, one.shape[1])

@@ -195,7 +195,7 @@ def law_off(data: dict[str, Any]) -> Iterator[str]:
         _row("right effect by class", "≥ 93 %", one["effects"]["by_class"]),
         _row("… strictly", "", one["effects"]),
         _row("wrong effect named, all sets", "≤ 1 %", one["wrong_kind"]),
-        _row("an effect named where nothing is hidden", "≤ 3 %", one["false_alarms"]),
+        _row("an effect said to be missing, nothing hidden", "≤ 3 %", one["false_alarms"]),
         _row("unknown effect recognised", "", one["unknown"]),
         _row("… tilted sensors and detents", "", one["missed"]),
         _row("pair of two by class", "", one["pairs"]["by_class"]),

@@ -212,7 +212,7 @@ def truth_of(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTru
     if spec.engine == "rod":
         _, pull = draw_pull(spec.law_error, spec.split, np.random.default_rng(spec.law_seed))
         return replace(truth, error={}, drawn=drawn, pull=tuple(pull.tolist()))
-    law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot)
+    law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
     return replace(
         truth, error={}, drawn=drawn | {f"law.{k}": v for k, v in law.drawn.items()}, law=law.table
     )
@@ -231,7 +231,7 @@ def _law_label(
     form, largest = "a pull", None
     exact = outputs_of(replace(truth, law=None, pull=()), spec.engine)(*_nothing(truth))
     if spec.engine != "rod":
-        law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot)
+        law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
         form, largest = law.form, law.largest
     return {"law_form": form, "law_largest": largest, "law_snr": signal(clean, exact, sigma)}
 

@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,15 @@ from benchmarks.evidence.robots import (
     ROBOTS,
     Array,
 )
-from benchmarks.evidence.sets import MeasuredSet, SetSpec, make_set, truth_of
+from benchmarks.evidence.sets import (
+    MeasuredSet,
+    SetSpec,
+    follow,
+    make_set,
+    noise_sizes,
+    signal,
+    truth_of,
+)
 from benchmarks.evidence.tasks import INTERVAL_PROTOCOL, tasks_of
 from benchmarks.evidence.truths import CLEAN, PARAMETERS
 
@@ -245,6 +254,18 @@ def test_sets_of_the_bed_are_dumped_with_open_labels(
     assert len(list(tmp_path.glob("*.csv"))) == len(list(tmp_path.glob("*_label.json"))) == 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["joint", "four"])
+def test_the_engines_agree_on_a_law_that_is_off(robot: str) -> None:
+    runs = protocol("example", ROBOTS[robot])
+    truth = truth_of(SetSpec(CLEAN, 2, robot=robot, law_error=0.02, law_seed=4)).at()
+    engines = ("functional", "mujoco", "explicit")[: 3 if robot == "joint" else 2]
+    found = {one: follow(one, ROBOTS[robot], runs, truth, np.zeros(len(runs))) for one in engines}
+    sigma = noise_sizes(found["functional"])
+    for engine in found:
+        assert signal(found["functional"], found[engine], sigma) < 0.1, engine
+
+
 def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robots, "LAW_ERROR_STATED", True)
     exact, off = (ROBOTS["joint"].study("x", exact_law=known) for known in (True, False))
@@ -252,8 +273,8 @@ def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.
 
 
 def test_the_grid_holds_what_is_visited() -> None:
-    for robot in ROBOTS:
-        share, angle = visited(robot)
+    for robot, runs in product(ROBOTS, ("rich", "payload")):
+        share, angle = visited(robot, runs)
         bend = angle / TYPICAL_ANGLE_RAD
         assert share.min() == 0.0 and share.max() == 1.0
         assert bend.min() > law_shapes.LOWEST_BEND + 1
