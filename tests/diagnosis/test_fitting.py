@@ -62,18 +62,18 @@ def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.Mon
     fitter = fitter_of(predictor_of(CHAIN, measurement))
     asked: list[np.ndarray] = []
     costs: list[tuple[float, float]] = []
-    point, descend = fitting._ReadingMisfit.point, Fitter._descend
+    point, descend = fitting._ReadingMisfit.raw_point, Fitter._descend
 
     def watching(self: fitting._ReadingMisfit, x: np.ndarray) -> object:
         asked.append(x.copy())
         return point(self, x)
 
-    def descending(self: Fitter, candidate, start, iterations, parts):
-        end, converged = descend(self, candidate, start, iterations, parts)
+    def descending(self: Fitter, misfit, start, iterations):
+        end, converged = descend(self, misfit, start, iterations)
         costs.append((start.cost, end.cost))
         return end, converged
 
-    monkeypatch.setattr(fitting._ReadingMisfit, "point", watching)
+    monkeypatch.setattr(fitting._ReadingMisfit, "raw_point", watching)
     monkeypatch.setattr(Fitter, "_descend", descending)
     candidate = EffectSet.of(REGISTRY, (kind,))
     fit = fitter.fit(candidate)

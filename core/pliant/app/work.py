@@ -109,7 +109,9 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(task.effects)})
     base = task.ground.predictor
-    predictor = WatchedPredictor(base.bench, base.backend, base.chain, model.split.training, study.effects)
+    predictor = WatchedPredictor(
+        base.bench, base.backend, base.chain, model.split.training, study.effects, study.law_error
+    )
     predictor.stopped = task.stopped
     own = own_runs(study, predictor.chain, predictor.measurement)
     found = diagnose_with(

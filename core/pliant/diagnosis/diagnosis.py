@@ -236,7 +236,7 @@ def diagnose(
         not_excited=_ways_to_excite(view, registry, shown, silent),
         indistinguishable=confounded_with(shown, search.fits, n, fitter.law),
         classes=split_classes(registry, view, excited, n, judgement.credible, fitter.law),
-        detectable=detectable(shown, n, thresholds),
+        detectable=detectable(shown, n, thresholds, fitter.law),
         depends_on=importance(residuals, found, dict(readings.scales)),
         circumstances={item.name: item.shown.label for item in found.items},
         next_run=ahead,

@@ -205,7 +205,7 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
         square = table.noise.floor_square + left
-        by_size = -0.5 * n * np.log(square) - thresholds.unknown
+        by_size = -0.5 * n * np.log(square) - thresholds.unknown - table.rows[best].law_price
         found[UNKNOWN] = max(by_size, found[best] + thresholds.temperature * _outside_odds(table, best))
     return found
 

@@ -158,12 +158,17 @@ def _square(values: Array) -> float:
 
 
 def detectable(
-    found: Mapping[str, Excitation], n: float, thresholds: EvidenceThresholds
+    found: Mapping[str, Excitation],
+    n: float,
+    thresholds: EvidenceThresholds,
+    law: LawReference | None = None,
 ) -> tuple[Detectable, ...]:
     """For each effect the strength at which it would be believed against "nothing", changes taken as proportional.
 
-    It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs.
+    It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs. With `law`, what
+    the law's own error can imitate does not count.
     """
+    whitener = None if law is None else Whitener.of(law.columns, law.precision_at(law.prior.large, n))
     odds = thresholds.temperature * np.log(thresholds.believed / (1.0 - thresholds.believed))
     price = 2.0 * (thresholds.price(1, len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
@@ -171,7 +176,9 @@ def detectable(
     for one in found.values():
         if one.snr <= 0.0:
             continue
-        x = float(one.x[one.place]) * smallest / one.snr
+        seen = one.change if whitener is None else whitener.apply(one.change)
+        share = np.sqrt(_square(seen) / max(_square(one.change), 1e-300))
+        x = float(one.x[one.place]) * smallest / max(one.snr * float(share), 1e-300)
         low, high = one.strength.limits
         if low <= x <= high:
             parameter = one.strength.declared

@@ -207,16 +207,17 @@ class EffectFit:
         return {one.name: float(x) for one, x in zip(self.candidate.parameters, self.x, strict=True)}
 
     def mean_square(self, weights: Array | None = None) -> float:
-        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium.
-
-        What the prior of the law's error costs is part of it.
-        """
-        penalty = 0.0 if self.law is None else self.law.penalty
+        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
         if weights is None:
-            square = (float(self.residual @ self.residual) + penalty) / len(self.residual)
+            square = float(self.residual @ self.residual) / len(self.residual)
         else:
-            square = (float(weights @ self.residual**2) + penalty) / float(weights.sum())
+            square = float(weights @ self.residual**2) / float(weights.sum())
         return square if np.isfinite(square) else np.inf
+
+    def cost(self, weights: Array) -> float:
+        """Sum of squared residuals, with what the prior of the law's error adds."""
+        penalty = 0.0 if self.law is None else self.law.penalty
+        return self.mean_square(weights) * float(weights.sum()) + penalty
 
     def with_law(self, prior: LawErrorPrior, n_effective: float) -> EffectFit:
         """Return the fit with the law's error estimated again for another noise."""
@@ -427,11 +428,11 @@ class Fitter:
         names = [parameter.name for parameter in fit.candidate.parameters]
         points = [np.array([known.get(name, 0.0) for name in names]) for known in near if known]
         looked = [self.look(fit.candidate, x, fit.parts) for x in points]
-        best = min(looked, key=lambda one: one.mean_square(self.weights), default=fit)
-        if not best.mean_square(self.weights) < fit.mean_square(self.weights):
+        best = min(looked, key=lambda one: one.cost(self.weights), default=fit)
+        if not best.cost(self.weights) < fit.cost(self.weights):
             return fit
         again = self.fit(fit.candidate, [best.x], fit.parts)
-        return again if again.mean_square(self.weights) < fit.mean_square(self.weights) else fit
+        return again if again.cost(self.weights) < fit.cost(self.weights) else fit
 
     def steps(self, effects: Sequence[EffectConfig], least: int = 1) -> int:
         """Steps from sample to sample whose error is small beside the noise."""

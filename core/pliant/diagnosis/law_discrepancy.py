@@ -3,9 +3,10 @@
 The effort of a real module is τ(a, u) + δ(a, u), with actuation a, deformation u, and a static error δ of the law that
 nobody knows. Its prior is a Gaussian process with standard deviation s T,
 
-    δ ~ GP(0, (s T)² exp(−½ (Δa / ℓ_a)² − ½ (Δu / ℓ_u)²)),
+    δ ~ GP(0, (s T)² mean_ℓ exp(−½ (Δa² + Δu²) / ℓ²)),
 
-T the torque range of the law, s the share of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63,
+Δa and Δu as shares of what the runs visit, ℓ from half of it to a sixth, T the torque range of the law, s the share
+of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63,
 2001; Brynjarsdóttir & O'Hagan, Inverse Problems 30, 2014, on why its prior matters). δ is written over the directions
 that the readings feel, δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their
 sensitivities B, which the engine gives at each fit. With weight w = n_eff / (N σ²) of a reading, its marginal
@@ -14,7 +15,7 @@ likelihood is Gaussian with the precision
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
 The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a grid
-(`LawErrorPrior`). What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
+(`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 
 # Knots of δ along actuation and angle, and the lengths over which it changes, as shares of what the runs visit.
-KNOTS = {"actuation": 5, "angle": 7}
-LENGTHS = {"actuation": 0.5, "angle": 0.35}
+KNOTS = {"actuation": 7, "angle": 8}
+LENGTHS = (0.5, 0.3, 0.18)
 # The basis reaches this share of the visited range beyond it: other hypotheses visit other states.
 BEYOND = 0.1
 # Directions along which a prior of the largest usual size moves the readings less than this, in noise floors, are none.
 LEAST_FELT = 0.05
-MOST_DIRECTIONS = 12
+MOST_DIRECTIONS = 16
 # Change of a coefficient with which sensitivities are taken.
 STEP = 1e-3
 JITTER = 1e-8
@@ -171,11 +172,14 @@ def _wider(axis: CurveAxis) -> CurveAxis:
 
 def _prior_root(axes: tuple[CurveAxis, ...]) -> Array:
     """Return L (K, K) with L Lᵀ the prior covariance of the values at the knots, for a unit standard deviation."""
-    kernel: Array = np.ones((1, 1))
-    for axis in axes:
-        at = np.linspace(-BEYOND, 1.0 + BEYOND, axis.knots)
-        apart = (at[:, None] - at[None]) / LENGTHS[axis.name]
-        kernel = np.asarray(np.kron(kernel, np.exp(-0.5 * apart**2)), float)
+    kernel: Array = np.zeros((1, 1))
+    for length in LENGTHS:
+        alone: Array = np.ones((1, 1))
+        for axis in axes:
+            at = np.linspace(-BEYOND, 1.0 + BEYOND, axis.knots)
+            apart = (at[:, None] - at[None]) / length
+            alone = np.asarray(np.kron(alone, np.exp(-0.5 * apart**2)), float)
+        kernel = kernel + alone / len(LENGTHS)
     values, vectors = np.linalg.eigh(kernel + JITTER * np.eye(len(kernel)))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
@@ -204,7 +208,7 @@ class LawError:
         coefficient: (m,) its posterior mean.
         size: s, the most probable share of the torque range.
         precision: of each coefficient, in units of squared residuals: 1 / (w s²).
-        price: log-odds that δ costs: its prior and Occam's factor, the size integrated.
+        price: log-odds that δ costs: its prior at the coefficients and Occam's factor, the size integrated.
     """
 
     columns: Array
@@ -273,6 +277,8 @@ class Whitener:
 # Mean squares below this are those of data without noise.
 LEAST_SQUARE = 1e-6
 ROUNDS = 3
+# Prior probability that a law is exact.
+EXACT = 0.05
 
 
 def precision_of(size: float, n_readings: int, n_effective: float, square: float) -> float:
@@ -285,7 +291,8 @@ def estimate(
 ) -> LawError:
     """Return what readings say about δ at a fit.
 
-    The size is weighed with the parameters x refitted to first order; the coefficients are those at x.
+    The size is weighed with the parameters x refitted to first order, against a law that is exact; the coefficients
+    are those at x.
 
     Args:
         raw: (N,) reading − prediction without δ, in noise floors.
@@ -311,13 +318,17 @@ def estimate(
             precision = precision_of(float(size), n_readings, n, square)
             weighted = gram + np.diag(np.r_[np.zeros(k), np.full(len(gram) - k, precision)])
             best = np.linalg.solve(weighted, right)
-            left = max(total - float(best @ right), 0.0) / n_readings
+            penalty = precision * float(best[k:] @ best[k:])
+            left = max(total - float(best @ right) - penalty, 0.0) / n_readings
             square = max(left, LEAST_SQUARE)
         occam = 0.5 * float(np.sum(np.log1p(known / precision)))
-        evidence[index] = -0.5 * n * np.log(square) - occam + logs[index]
+        prior_cost = 0.5 * float(best[k:] @ best[k:]) / float(size) ** 2
+        evidence[index] = -0.5 * n * np.log(square) - prior_cost - occam + logs[index]
         precisions[index], squares[index] = precision, square
     top = int(np.argmax(evidence))
-    total_evidence = float(evidence[top] + np.log(np.sum(np.exp(evidence - evidence[top]))))
+    no_error = -0.5 * n * np.log(max(total / n_readings, LEAST_SQUARE)) + np.log(EXACT)
+    every = np.r_[evidence + np.log(1.0 - EXACT), no_error]
+    total_evidence = float(every.max() + np.log(np.sum(np.exp(every - every.max()))))
     price = -0.5 * n * float(np.log(squares[top])) - total_evidence
     precision = float(precisions[top])
     normal = columns.T @ columns + precision * np.eye(columns.shape[1])

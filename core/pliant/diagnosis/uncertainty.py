@@ -273,7 +273,7 @@ class _Profile:
         return math.sqrt(max(rise, 0.0))
 
     def _squares(self, fit: EffectFit) -> float:
-        return fit.mean_square(self.fitter.weights) * float(self.fitter.weights.sum())
+        return fit.cost(self.fitter.weights)
 
 
 def _followers(fitter: Fitter, fit: EffectFit, index: int) -> Array:
