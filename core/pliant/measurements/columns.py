@@ -24,7 +24,7 @@ KNOWN = (
     Known(r"held_elongation", "_strain", "dimensionless", "input"),
     Known(r"blocked_moment", "_n_m", "N*m", "output"),
     Known(r"blocked_force", "_n", "N", "output"),
-    Known(r"tendon_travel", "_m", "m", "output"),  # an input where the chain says so
+    Known(r"tendon_travel(_[1-9]\d*)?", "_m", "m", "output"),  # an input where the chain says so
     Known(r"moment", "_n_m", "N*m", "condition"),
     Known(r"tip_force_[xyz]", "_n", "N", "condition"),
     Known(r"payload", "_kg", "kg", "condition"),
@@ -32,11 +32,13 @@ KNOWN = (
     Known(r"temperature", "_c", "degC", "condition"),
     Known(r"base_(roll|pitch|yaw)", "_rad", "rad", "condition"),
     Known(r"cycle", "", "", "cycle"),
-    Known(r"angle", "_rad", "rad", "output"),
-    Known(r"joint_[1-9]\d*_angle", "_rad", "rad", "output"),
+    Known(r"angle(_[yz])?", "_rad", "rad", "output"),
+    Known(r"joint_[1-9]\d*_angle(_[yz])?", "_rad", "rad", "output"),
+    Known(r"curvature(_[yz])?", "_1_per_m", "m^-1", "output"),
     Known(r"tip_[xyz]", "_m", "m", "output"),
     Known(r"marker_[1-9]\d*_[xyz]", "_m", "m", "output"),
     Known(r"elongation", "_strain", "dimensionless", "output"),
+    Known(r"extension", "_m", "m", "output"),
     Known(r"successes", "", "", "count"),
     Known(r"trials", "", "", "count"),
 )
@@ -59,7 +61,8 @@ EXAMPLES = (
         "blocked_moment_n_m",
         "blocked_force_n",
     ),  # held_angle is too near to bend_angle
-    *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
+    *("elongation_strain", "extension_m", "curvature_1_per_m", "curvature_y_1_per_m", "joint_1_angle_y_rad"),
+    *("successes", "trials", "sigma_angle_rad"),
 )
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")
 

@@ -18,6 +18,7 @@ from pliant.measurements.doubts import sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
 from pliant.measurements.header import Header, read_header
+from pliant.measurements.highpass import noise_variance
 from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
@@ -33,7 +34,9 @@ from pliant.units import UnitError, parse_quantity
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
 # A cycle has been above the first share of a run's own range and comes below the second.
 LOADED, RETURNED = 0.6, 0.25
+SMALLER = 0.5  # of the largest range of its unit: an input may idle
 SMALLEST = 0.1  # of the range of all runs: less than that is no cycle
+NOISE_RANGE = 9.0  # standard deviations of its noise within which an idle gauge stays
 AT_REST = 0.05  # of the range above the lowest point: still waiting
 # Remarks on a file by itself, which files that are read together do not deserve.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
@@ -321,9 +324,11 @@ def _doubts(
 def cycles(history: History, ranges: Mapping[str, float]) -> Array:
     """(t,) the cycle of each sample, from 1.
 
-    A cycle is a rise of the actuation (the largest of all inputs, each over its range) above 60 % of the run's range
-    after a return below 25 %: the two thresholds keep noise and small reversals from counting. The number
-    changes where the rise begins.
+    A cycle is a rise of the actuation (the largest of all inputs, each from its lowest value in the run and over its
+    range) above 60 % of the run's range after a return below 25 %: the two thresholds keep noise and small reversals
+    from counting. The number changes where the rise begins. An input that idles makes no cycle: its range in the run
+    is its own sensor's noise and below half of the largest range that an input of its unit has in any run, or below a
+    tenth of that.
 
     Args:
         history: the run.
@@ -331,7 +336,11 @@ def cycles(history: History, ranges: Mapping[str, float]) -> Array:
     """
     signal = np.zeros(len(history))
     for name, values in history.actuation.items():
-        signal = np.maximum(signal, np.abs(values) / ranges[name]) if ranges[name] > 0 else signal
+        alike = max(width for other, width in ranges.items() if unit_of(other) == unit_of(name))
+        idle = np.ptp(values) < SMALLER * alike and _is_noise(history, values)
+        if np.ptp(values) > SMALLEST * alike and not idle:
+            size = np.abs(values)
+            signal = np.maximum(signal, (size - size.min()) / ranges[name])
     number = np.ones(len(history), int)
     if np.ptp(signal) < SMALLEST:
         return number
@@ -346,6 +355,13 @@ def cycles(history: History, ranges: Mapping[str, float]) -> Array:
         valley = height[first:turn]
         number[first + int(np.flatnonzero(valley <= valley.min() + AT_REST)[-1]) :] += 1
     return number
+
+
+def _is_noise(history: History, values: Array) -> bool:
+    """Whether all that an input does in a run is the noise of its gauge."""
+    clock = np.arange(len(values), dtype=float) if history.time_s is None else history.time_s
+    variance = noise_variance(clock, values)[0]
+    return bool(np.ptp(values) < NOISE_RANGE * np.sqrt(variance))  # False without enough readings: it is NaN
 
 
 def spans(histories: Sequence[History]) -> dict[str, float]:
