@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from pliant.config.chain import Count
 from pliant.interfaces.base import FrozenModel
-from pliant.units import Frequency, Length, Ratio, Time
+from pliant.units import Angle, Frequency, Length, Ratio, Time
 
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
@@ -99,6 +99,19 @@ class JoinedFile(FrozenModel):
     )
 
 
+UNKNOWN = "unknown"
+PER_RUN = "per run"
+
+
+class SensorFrameConfig(FrozenModel):
+    """The frame in which a camera or a pair of bend sensors reads, seen from the world or from the module."""
+
+    turn: Literal["unknown"] | tuple[Ratio, Ratio, Ratio, Ratio] | Angle = Field(
+        description="unknown: estimated from the readings; of positions a quaternion w, x, y, z that takes world "
+        "vectors to the camera's; of pairs of bends or curvatures an angle about the chain axis, e.g. 30 deg"
+    )
+
+
 class ColumnNotes(FrozenModel):
     """What any table may leave unsaid of its columns, in a YAML file of the same stem beside it."""
 
@@ -155,7 +168,24 @@ class MeasurementNotes(ColumnNotes):
     )
     zero: dict[Name, float | str] = Field(
         default_factory=dict,
-        description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}",
+        description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}; of readings also 'unknown', "
+        "'per run': the offset of all runs, or of each, that fits best",
+    )
+    frame: SensorFrameConfig | None = Field(
+        None, description="the frame of a camera or of a pair of bend sensors, where it is turned"
+    )
+    runs: dict[Name, dict[Name, float | str]] = Field(
+        default_factory=dict,
+        description="what a file does not say of its runs, by run: inputs, loads, conditions and specimen, e.g. "
+        "{tracking_4: {payload: 200 g}}; the file's own columns come first",
+    )
+    cycles: Literal["new run"] | None = Field(
+        None,
+        description="new run: each cycle of the actuation becomes a run, so that steps with repeats are repeats",
+    )
+    let_go: Annotated[tuple[Name, ...], BeforeValidator(_as_list)] = Field(
+        (),
+        description="runs that begin held away from rest and are let go after their first sample: free swings",
     )
 
 

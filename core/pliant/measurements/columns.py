@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from pliant.config.measurements import MeasurementNotes
+from pliant.config.measurements import PER_RUN, UNKNOWN, MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.tabular.names import meanings
 from pliant.tabular.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
@@ -105,7 +105,7 @@ def match(
 def with_zero(column: FileColumn, notes: MeasurementNotes, notes_name: str) -> FileColumn:
     """A column from whose numbers the zero of the notes is subtracted, where they state one."""
     zero = noted(notes.zero, column.written, stem(column.written), column.name)
-    if zero is None:
+    if zero is None or zero in (UNKNOWN, PER_RUN):
         return column
     value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
     return replace(column, shift=column.shift - value, zero=value)

@@ -79,9 +79,20 @@ def read_measurements(
                 f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
             )
     found = together(measurements)
+    if not exclude_from_first:
+        _check_runs(found, stated)
     if stated.name_pattern is None and (hint := _said_by_names([s for s in own if not is_frame(s)])):
         found = replace(found, remarks=(*found.remarks, hint))
     return found
+
+
+def _check_runs(measurement: Measurement, stated: MeasurementNotes) -> None:
+    """Raise `UserError` where the notes say something of a run that is not there."""
+    names = [run.name for run in measurement.runs]
+    gone = {span.run for span in stated.exclude if span.whole_run}
+    for key, name in [("let_go", one) for one in stated.let_go] + [("runs", one) for one in stated.runs]:
+        if name not in gone and not any(run == name or run.startswith(f"{name} cycle ") for run in names):
+            raise UserError(f"'{key}' names run '{name}', which is not there{closest(name, names)}")
 
 
 def _of_two_loggers(
@@ -219,6 +230,8 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
         {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
         next(iter(arms), ((), ()))[1],
+        first.frame,
+        {name: zero for m in measurements for name, zero in m.free_zeros.items()},
     )
 
 

@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.measurements import MOST_SAMPLES, ExcludedSpan, MeasurementNotes, MeasurementsConfig
+from pliant.config.measurements import (
+    MOST_SAMPLES,
+    PER_RUN,
+    UNKNOWN,
+    ExcludedSpan,
+    MeasurementNotes,
+    MeasurementsConfig,
+    SensorFrameConfig,
+)
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
@@ -23,12 +31,13 @@ from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
-from pliant.records.measurement import Doubt, MeasuredRun, Measurement
+from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
 from pliant.records.remark import detail
 from pliant.tabular.cells import lines_text
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import FileColumn
+from pliant.tabular.schema import FileColumn, noted
 from pliant.tabular.sheet import Sheet
+from pliant.tabular.units import stem
 from pliant.units import UnitError, parse_quantity
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
@@ -37,6 +46,8 @@ LOADED, RETURNED = 0.6, 0.25
 SMALLER = 0.5  # of the largest range of its unit: an input may idle
 SMALLEST = 0.1  # of the range of all runs: less than that is no cycle
 NOISE_RANGE = 9.0  # standard deviations of its noise within which an idle gauge stays
+ENOUGH = 50  # samples that tell the noise of an input from its signal
+VALLEY = 5.0  # standard deviations of noise above the lowest sample of a valley that are still its floor
 AT_REST = 0.05  # of the range above the lowest point: still waiting
 # Remarks on a file by itself, which files that are read together do not deserve.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
@@ -73,7 +84,7 @@ def read_measurement(
     path = Path(FRAME if in_memory else source)
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
-        asked = notes.join is not None or notes.name_pattern is not None
+        asked = notes.join is not None or notes.name_pattern is not None or bool(notes.runs)
         own = set(match(sheet, notes, notes_name)) if asked else set()
         other = elsewhere(path, notes, notes_name, actuation, own)
         texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
@@ -102,6 +113,9 @@ def read_measurement(
     runs = [  # cycles are counted where the file does not give all of a run's
         replace(run, cycle=cycles(run.history, ranges)) if np.isnan(run.cycle).any() else run for run in runs
     ]
+    if notes.cycles is not None:
+        runs = [part for run in runs for part in _by_cycle(run)]
+    runs = _let_go(runs, notes.let_go)
     spans_here = notes.exclude
     if runs_seen is not None:
         names = {run.name for run in runs}
@@ -137,7 +151,54 @@ def read_measurement(
         {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
         notes.marker_offsets_m,
+        None if notes.frame is None else _frame(notes.frame),
+        _free_zeros(notes, notes_name, header, read),
     )
+
+
+def _frame(stated: SensorFrameConfig) -> SensorFrame:
+    turn = stated.turn
+    if isinstance(turn, tuple):
+        return SensorFrame(quaternion=turn)
+    return SensorFrame() if isinstance(turn, str) else SensorFrame(angle_rad=turn)
+
+
+def _free_zeros(
+    notes: MeasurementNotes, notes_name: str, header: Header, outputs: Sequence[str]
+) -> dict[str, str]:
+    """Return the outputs of which the notes know no zero, and whether each run has its own."""
+    free = {}
+    for column in header.columns:
+        zero = noted(notes.zero, column.written, stem(column.written), column.name)
+        if zero not in (UNKNOWN, PER_RUN):
+            continue
+        if column.role != "output":
+            raise UserError(
+                f"{notes_name}: 'zero' of '{column.written}' is '{zero}', which can be said of readings alone; give "
+                "its value."
+            )
+        if column.name in outputs:
+            free[column.name] = str(zero)
+    return free
+
+
+def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
+    """Return each cycle of a run as a run of its own, of the same specimen; a run of one cycle as it is."""
+    numbers = np.unique(run.cycle)
+    if len(numbers) < 2:
+        return [run]
+    parts = [run.at(np.flatnonzero(run.cycle == number)) for number in numbers]
+    return [
+        replace(part, history=part.history.with_(run=f"{run.name} cycle {number:g}"))
+        for number, part in zip(numbers, parts, strict=True)
+    ]
+
+
+def _let_go(runs: Sequence[MeasuredRun], names: Sequence[str]) -> list[MeasuredRun]:
+    """Mark the runs that begin held away from rest."""
+    return [
+        replace(run, history=run.history.with_(let_go=True)) if run.name in names else run for run in runs
+    ]
 
 
 def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:
@@ -154,6 +215,10 @@ def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, 
             specimens = None if specimen is None else block.texts(specimen)
             if "specimen" in other.texts:
                 specimens = (other.texts["specimen"],) * count
+            if other.specimens:
+                before = specimens or ("",) * count
+                pairs = zip(runs, before, strict=True)
+                specimens = tuple(other.specimens.get(name.strip(), body) for name, body in pairs)
             times = None
             if clock is not None:
                 times = clock.scale * numbers[header.columns.index(clock)] + clock.shift
@@ -350,18 +415,24 @@ def cycles(history: History, ranges: Mapping[str, float]) -> Array:
     turns = marked[1:][np.diff(state[marked]) > 0]  # first samples that are loaded again
     if state[marked[0]] < 0:
         turns = turns[1:]  # the first rise belongs to cycle 1
+    rest = AT_REST + VALLEY * _noise_of(history, height)
     for turn in turns:  # from the last sample before the rise that is still as low as the valley
         first = int(np.flatnonzero(height[:turn] > LOADED)[-1]) + 1
         valley = height[first:turn]
-        number[first + int(np.flatnonzero(valley <= valley.min() + AT_REST)[-1]) :] += 1
+        low = valley <= min(float(valley.min()) + rest, RETURNED)
+        number[first + int(np.flatnonzero(low)[-1]) :] += 1
     return number
 
 
 def _is_noise(history: History, values: Array) -> bool:
-    """Whether all that an input does in a run is the noise of its gauge."""
+    """Return whether all that an input does in a run is the noise of its gauge."""
+    return bool(np.ptp(values) < NOISE_RANGE * _noise_of(history, values))
+
+
+def _noise_of(history: History, values: Array) -> float:
+    """Return the standard deviation of fast noise; 0 where there are too few samples to tell it from a signal."""
     clock = np.arange(len(values), dtype=float) if history.time_s is None else history.time_s
-    variance = noise_variance(clock, values)[0]
-    return bool(np.ptp(values) < NOISE_RANGE * np.sqrt(variance))  # False without enough readings: it is NaN
+    return float(np.sqrt(noise_variance(clock, values)[0])) if len(values) >= ENOUGH else 0.0
 
 
 def spans(histories: Sequence[History]) -> dict[str, float]:

@@ -41,6 +41,8 @@ class History:
         valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
             commanded pressure does not reach them; None where they always are connected. A value holds for the
             step that leads to its sample.
+        let_go: it begins at rest under an end moment that holds it where the first reading is, and that is gone at the
+            next sample: a free swing.
         lead: samples at its begin that were put before those that were recorded; nothing is read at them.
     """
 
@@ -55,6 +57,7 @@ class History:
     payload_kg: Array | None = None
     valve_open: Array | None = None
     lead: int = 0
+    let_go: bool = False
 
     def __len__(self) -> int:
         return len(self.moment_n_m)

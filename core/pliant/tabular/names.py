@@ -76,9 +76,13 @@ _FILLED = {
     for stem, words in WORDS.items()
 }
 # Numbers of rows: never a quantity.
-COUNTER = re.compile(r"(sample|row|index|idx|line|record|point|zeile|messpunkt|lfd)([ _]*(nr|no|number|id|index))?|no|nr|n|i|#")
+COUNTER = re.compile(
+    r"(sample|row|index|idx|line|record|point|zeile|messpunkt|lfd)([ _]*(nr|no|number|id|index))?|no|nr|n|i|#"
+)
 # Commands of motors in steps or turns of an encoder, with the motor's number.
-STEPS = re.compile(r"(?:motor|servo|stepper|m)[ _]*(\d*)[ _]*(?:steps?|pos(?:ition)?|counts?|ticks?|schritte)")
+STEPS = re.compile(
+    r"(?:motor|servo|stepper|m)[ _]*(\d*)[ _]*(?:steps?|pos(?:ition)?|counts?|ticks?|schritte)"
+)
 CLOSE = 0.7  # likeness from which on a name is a slip of the pen
 
 

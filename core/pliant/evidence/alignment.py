@@ -1,0 +1,242 @@
+"""What a recording leaves open of its sensors: the turn of a camera's frame, and zeros that nobody knows.
+
+Both are linear in the readings and are fitted to them anew for every prediction, by least squares:
+
+    positions   y = R p + t,  R = argmin Σ |y − R p|²  (Wahba 1965, SIAM Review 7, 409; solved by the singular value
+                decomposition of Σ p yᵀ, Markley 1988, J. Astronaut. Sci. 36, 245)
+    pairs       the same in the plane of the module's y and z: bends or curvatures about two axes
+    zeros       t = mean(y − R p), over all runs or over each run
+
+so that errors, their derivatives and fits are those after the fit of these numbers (variable projection, Golub and
+Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.config.measurements import PER_RUN
+from pliant.errors import UserError
+from pliant.formatting import number
+from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+POSITION = re.compile(r"(tip|marker_\d+)_[xyz]_m")
+PAIR = re.compile(r"(angle|joint_\d+_angle|curvature)_[yz]_(rad|1_per_m)")
+FLAT = 1e-3  # of the largest singular value: directions that tell no turn about them
+RunReadings = dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """The turn of positions (3, 3) and of pairs (2, 2); None where nothing is turned."""
+
+    positions: Array | None = None
+    pairs: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """How predicted readings are brought into the sensors' frames and zeros.
+
+    Attributes:
+        measurement: what was read, in which frame and with which free zeros.
+        fixed: turns that are not estimated; None where they are.
+    """
+
+    measurement: Measurement
+    fixed: Turns | None
+
+    @staticmethod
+    def of(measurement: Measurement) -> Alignment:
+        """Return the alignment that a measurement asks for.
+
+        Raises:
+            UserError: a frame that does not fit what is read.
+        """
+        frame = measurement.frame
+        if frame is None:
+            return Alignment(measurement, Turns())
+        stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
+        if frame.quaternion is not None:
+            w = np.asarray(frame.quaternion, float)
+            return Alignment(
+                measurement, Turns(positions=matrix_of_quaternion((w / np.linalg.norm(w))[None])[0])
+            )
+        if frame.angle_rad is not None:
+            c, s = np.cos(frame.angle_rad), np.sin(frame.angle_rad)
+            return Alignment(measurement, Turns(pairs=np.array([[c, s], [-s, c]])))
+        if not stems and not pairs:
+            raise UserError(
+                f"{measurement.source}: 'frame: {{turn: unknown}}' needs x, y and z of a position, or y and z of a "
+                f"bend or curvature, and the file has {', '.join(measurement.outputs)}."
+            )
+        return Alignment(measurement, None)
+
+    @property
+    def idle(self) -> bool:
+        """Whether predictions are compared as they are."""
+        still = self.fixed is not None and self.fixed.positions is None and self.fixed.pairs is None
+        return still and not self.measurement.free_zeros
+
+    @property
+    def has_readings(self) -> bool:
+        return self.measurement.n_samples > 0
+
+    def frozen(self, turns: Turns, measurement: Measurement) -> Alignment:
+        """Return the alignment of other runs, in which nothing was read: the same turns, no zeros."""
+        return Alignment(measurement, turns)
+
+    def turns(self, runs: Sequence[RunReadings]) -> Turns:
+        """Return the turns that bring predictions nearest to the readings, or those that are fixed."""
+        if self.fixed is not None:
+            return self.fixed
+        stems = _complete(self.measurement.outputs, POSITION, "xyz")
+        pairs = _pairs(self.measurement.outputs)
+        return Turns(
+            _turn([[f"{s}_{a}_m" for a in "xyz"] for s in stems], self.measurement, runs) if stems else None,
+            _turn(pairs, self.measurement, runs) if pairs else None,
+        )
+
+    def applied(self, runs: Sequence[RunReadings], own: bool = True) -> tuple[RunReadings, ...]:
+        """Return predictions as the sensors read them.
+
+        Args:
+            runs: by run, outputs as they are in the world and the module; all components of what is turned.
+            own: they are predictions of the measured runs, to whose readings free zeros can be fitted.
+        """
+        turns = self.turns(runs)
+        turned = [_turned(run, turns) for run in runs]
+        if own:
+            for name, how in self.measurement.free_zeros.items():
+                if name in turned[0]:
+                    _shift(turned, self.measurement, name, how == PER_RUN)
+        return tuple(turned)
+
+    def sentences(self, turns: Turns) -> list[str]:
+        """Return what was fitted to the readings beside the model, with the lines that keep it."""
+        said = []
+        if self.fixed is None and turns.positions is not None:
+            q = quaternion_of_matrix(turns.positions[None])[0]
+            angle = 2.0 * np.degrees(np.arccos(np.clip(abs(q[0]), 0.0, 1.0)))
+            line = ", ".join(f"{value:.6g}" for value in q)
+            said.append(
+                f"The camera's frame is turned by {number(angle, 4)}° against the world: three numbers that were "
+                f"fitted to the readings. To keep it for other runs write 'frame: {{turn: [{line}]}}'."
+            )
+        if self.fixed is None and turns.pairs is not None:
+            angle = np.degrees(np.arctan2(turns.pairs[0, 1], turns.pairs[0, 0]))
+            said.append(
+                f"The bend sensors are turned by {number(angle, 4)}° about the chain axis: a number that was fitted to "
+                f"the readings. To keep it for other runs write 'frame: {{turn: {angle:.6g} deg}}'."
+            )
+        per_run = [n for n, how in self.measurement.free_zeros.items() if how == PER_RUN]
+        of_all = [n for n in self.measurement.free_zeros if n not in per_run]
+        if per_run:
+            said.append(
+                f"{', '.join(per_run)}: the zero of each run is unknown and was fitted to its readings."
+            )
+        if of_all:
+            said.append(
+                f"{', '.join(of_all)}: the zero of all runs is unknown and was fitted to the readings."
+            )
+        return said
+
+
+def components(name: str) -> list[str]:
+    """Return the outputs that are turned together with one: x, y and z of a position, y and z of a pair."""
+    if POSITION.fullmatch(name):
+        return [f"{name[:-3]}{axis}_m" for axis in "xyz"]
+    if match := PAIR.fullmatch(name):
+        return [f"{match[1]}_{axis}_{match[2]}" for axis in "yz"]
+    return []
+
+
+def _complete(outputs: Sequence[str], pattern: re.Pattern[str], axes: str) -> list[str]:
+    """Return the stems of which all axes are read."""
+    stems = dict.fromkeys(match[1] for name in outputs if (match := pattern.fullmatch(name)))
+    return [stem for stem in stems if all(f"{stem}_{axis}_m" in outputs for axis in axes)]
+
+
+def _pairs(outputs: Sequence[str]) -> list[list[str]]:
+    pairs = [components(name) for name in outputs if PAIR.fullmatch(name)]
+    return [list(pair) for pair in dict.fromkeys(map(tuple, pairs)) if all(name in outputs for name in pair)]
+
+
+def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequence[RunReadings]) -> Array:
+    """Return the proper rotation R that makes Σ |y − R p|² least, each in its own unit's size.
+
+    Raises:
+        UserError: the readings lie on one line through the origin and tell no turn about it.
+    """
+    width = len(vectors[0])
+    product = np.zeros((width, width))
+    for names in vectors:
+        read = [np.stack([run.outputs[n] for n in names], axis=1) for run in measurement.runs]
+        said = [np.stack([run[n] for n in names], axis=1) for run in runs]
+        there = [
+            np.isfinite(y).all(axis=1) & np.isfinite(p).all(axis=1) for y, p in zip(read, said, strict=True)
+        ]
+        y, p = ([v[keep] for v, keep in zip(table, there, strict=True)] for table in (read, said))
+        how = [measurement.free_zeros.get(n) for n in names]
+        if len(set(how)) > 1:
+            raise UserError(
+                f"{measurement.source}: 'zero' leaves only some of {', '.join(names)} open, and in a frame whose "
+                "turn is unknown they belong together: say the same of each."
+            )
+        if how[0] == PER_RUN:
+            y, p = ([v - v.mean(axis=0) if len(v) else v for v in table] for table in (y, p))
+        ys, ps = np.concatenate(y), np.concatenate(p)
+        if how[0] is not None and how[0] != PER_RUN and len(ys):
+            ys, ps = ys - ys.mean(axis=0), ps - ps.mean(axis=0)
+        scale = float((ys**2).sum())
+        if scale > 0.0:
+            product += ps.T @ ys / scale
+    left, sizes, right = np.linalg.svd(product)
+    if sizes[0] <= 0.0:  # nothing was read, or nothing was reached
+        return np.eye(width)
+    if width == 3 and sizes[1] < FLAT * sizes[0]:
+        raise UserError(
+            f"{measurement.source}: {', '.join(vectors[0])} lie on one line as far as they were read, and tell no "
+            "turn of their frame about it: write 'frame: {turn: [w, x, y, z]}'."
+        )
+    signs = np.ones(width)
+    signs[-1] = np.sign(np.linalg.det(right.T @ left.T))
+    return np.asarray(right.T @ np.diag(signs) @ left.T)
+
+
+def _turned(run: RunReadings, turns: Turns) -> RunReadings:
+    turned = dict(run)
+    for pattern, turn in ((POSITION, turns.positions), (PAIR, turns.pairs)):
+        if turn is None:
+            continue
+        for name in run:
+            if pattern.fullmatch(name):
+                names = components(name)
+                row = turn[names.index(name)]
+                turned[name] = np.asarray(sum(row[k] * run[other] for k, other in enumerate(names)))
+    return turned
+
+
+def _shift(runs: Sequence[RunReadings], measurement: Measurement, name: str, per_run: bool) -> None:
+    """Add to an output's predictions the offset, of each run or of all, that brings them nearest to the readings."""
+    misses = [m.outputs[name] - run[name] for m, run in zip(measurement.runs, runs, strict=True)]
+    finite = [miss[np.isfinite(miss)] for miss in misses]
+    whole = np.concatenate(finite)
+    for run, own in zip(runs, finite, strict=True):
+        chosen = own if per_run else whole
+        if len(chosen):
+            run[name] = run[name] + chosen.mean()
+
+
+def free_numbers(measurement: Measurement, turns: Turns) -> int:
+    """Return how many numbers beside the model's were fitted to the readings."""
+    zeros: Mapping[str, str] = measurement.free_zeros
+    many = sum(len(measurement.runs) if how == PER_RUN else 1 for how in zeros.values())
+    unknown = measurement.frame is not None and measurement.frame.unknown
+    return many + (3 * (turns.positions is not None) + (turns.pairs is not None) if unknown else 0)
