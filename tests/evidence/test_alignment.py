@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.evidence.alignment import Alignment, free_numbers
 from pliant.evidence.prediction import Predictor
 from pliant.mechanics.rotations import exp_map
-from pliant.records.history import History
+from pliant.records.history import History, LetGo
 from pliant.records.measurement import Measurement, SensorFrame
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain
 
@@ -152,7 +152,7 @@ def test_a_joint_that_is_let_go_swings_with_the_period_of_its_stiffness_and_iner
     """A hinge of 0.04 N·m/rad with a tip mass, without gravity: T = 2π √(I / k), from where it was held."""
     chain = sample_chain(linear_law(), modules=1, gravity=(0, 0, 0), payload=0.05)
     time = np.arange(0.0, 0.4, 5e-4)
-    swing = History.of({"pressure_pa": np.zeros(len(time))}, time, run="swing").with_(let_go=True)
+    swing = History.of({"pressure_pa": np.zeros(len(time))}, time, run="swing").with_(let_go=LetGo())
     first = {"angle_rad": np.full(len(time), 0.2)}
     model = Predictor(BENCH, ENGINE, chain, measurement_of([swing], [first]), [effect("inertia", scale=1.0)])
     bend = model.predict()[0]["angle_rad"]

@@ -103,6 +103,21 @@ UNKNOWN = "unknown"
 PER_RUN = "per run"
 
 
+def _as_entries(value: Any) -> Any:
+    """A name, or a list of names, stands for entries without keys."""
+    names = _as_list(value)
+    return {name: {} for name in names} if isinstance(names, list | tuple) else value
+
+
+class LetGoConfig(FrozenModel):
+    """How a run begins that is held away from rest by its end, and let go."""
+
+    at_s: Time | None = Field(None, description="held up to this time_s; up to the first sample by default")
+    bend_rad: Angle | None = Field(
+        None, description="where it was held, about the main axis; as the first reading of a bend by default"
+    )
+
+
 class SensorFrameConfig(FrozenModel):
     """The frame in which a camera or a pair of bend sensors reads, seen from the world or from the module."""
 
@@ -183,9 +198,10 @@ class MeasurementNotes(ColumnNotes):
         None,
         description="new run: each cycle of the actuation becomes a run, so that steps with repeats are repeats",
     )
-    let_go: Annotated[tuple[Name, ...], BeforeValidator(_as_list)] = Field(
-        (),
-        description="runs that begin held away from rest and are let go after their first sample: free swings",
+    let_go: Annotated[dict[Name, LetGoConfig], BeforeValidator(_as_entries)] = Field(
+        default_factory=dict,
+        description="runs that begin held away from rest and are let go: free swings, e.g. {swing: {at: 0.4 s, bend: 0 "
+        "deg}}; a name or a list of names where the first reading of a bend says from where",
     )
 
 

@@ -402,8 +402,10 @@ class Predictor:
         """What reaches the chain, and holds those that are let go at first."""
         found = [model.commanded(history) for history in histories]
         for k, history in enumerate(found):
-            if history.let_go:
-                bend = first_bend(self.measurement.runs[k].outputs, self.chain.length_m, history.run)
+            if history.let_go is not None:
+                bend = first_bend(
+                    history.let_go, self.measurement.runs[k].outputs, self.chain.length_m, history.run
+                )
                 found[k] = released(self.backend, model.chain, history, bend, self._geometry.main)
         return found
 

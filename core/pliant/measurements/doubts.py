@@ -155,7 +155,12 @@ def settling(runs: Sequence[MeasuredRun], output: str) -> dict[str, tuple[float,
     for run in runs:
         time, values = run.history.time_s, run.outputs[output]
         held = _held_from_the_begin(run.history, highest)
-        if time is None or run.history.let_go or held < FEWEST or not np.isfinite(values[:held]).all():
+        if (
+            time is None
+            or run.history.let_go is not None
+            or held < FEWEST
+            or not np.isfinite(values[:held]).all()
+        ):
             continue
         end = float(np.median(values[held - max(held // 4, 1) : held]))
         if abs(end - values[0]) > MOTION * span:

@@ -14,6 +14,7 @@ from pliant.config.measurements import (
     PER_RUN,
     UNKNOWN,
     ExcludedSpan,
+    LetGoConfig,
     MeasurementNotes,
     MeasurementsConfig,
     SensorFrameConfig,
@@ -30,7 +31,7 @@ from pliant.measurements.highpass import noise_variance
 from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
-from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
+from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
 from pliant.records.remark import detail
 from pliant.tabular.cells import lines_text
@@ -194,10 +195,15 @@ def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
     ]
 
 
-def _let_go(runs: Sequence[MeasuredRun], names: Sequence[str]) -> list[MeasuredRun]:
+def _let_go(runs: Sequence[MeasuredRun], stated: Mapping[str, LetGoConfig]) -> list[MeasuredRun]:
     """Mark the runs that begin held away from rest."""
     return [
-        replace(run, history=run.history.with_(let_go=True)) if run.name in names else run for run in runs
+        replace(
+            run, history=run.history.with_(let_go=LetGo(stated[run.name].at_s, stated[run.name].bend_rad))
+        )
+        if run.name in stated
+        else run
+        for run in runs
     ]
 
 
