@@ -121,7 +121,7 @@ def test_inputs_of_a_file_without_any_come_from_the_notes_on_its_run(tmp_path):
     notes = {"runs": {"swing": {"pressure_pa": 0}}, "rename": {"bend_deg": "angle_deg"}, "let_go": "swing"}
     found = read_measurements([tmp_path / "driven.csv", tmp_path / "swing.csv"], notes)
     np.testing.assert_array_equal(found.runs[1].input("pressure_pa"), [0, 0])
-    assert [run.history.let_go for run in found.runs] == [None, LetGo()]
+    assert [run.history.let_go for run in found.runs] == [None, LetGo(None, np.deg2rad(17))]
     later = {**notes, "let_go": {"swing": {"at": "0.1 s", "bend": "17 deg"}}}
     held = read_measurements(tmp_path / "swing.csv", later).runs[0].history.let_go
     assert held.until_s == 0.1 and held.bend_rad == pytest.approx(np.deg2rad(17))

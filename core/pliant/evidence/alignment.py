@@ -28,7 +28,7 @@ from pliant.records.measurement import Measurement
 
 POSITION = re.compile(r"(tip|marker_\d+)_[xyz]_m")
 PAIR = re.compile(r"(angle|joint_\d+_angle|curvature)_[yz]_(rad|1_per_m)")
-FLAT = 1e-3  # of the largest singular value: directions that tell no turn about them
+FLAT = 1e-3  # of the longest extent of positions: they lie on a line and tell no turn about it
 RunReadings = dict[str, Array]
 
 
@@ -76,6 +76,8 @@ class Alignment:
                 f"{measurement.source}: 'frame: {{turn: unknown}}' needs x, y and z of a position, or y and z of a "
                 f"bend or curvature, and the file has {', '.join(measurement.outputs)}."
             )
+        for names in [[f"{stem}_{axis}_m" for axis in "xyz"] for stem in stems]:
+            _check_spread(measurement, names)
         return Alignment(measurement, None)
 
     @property
@@ -148,6 +150,35 @@ class Alignment:
         return said
 
 
+def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
+    """Raise `UserError` where positions lie on one line through their zero: they tell no turn about it."""
+    how = [measurement.free_zeros.get(name) for name in names]
+    if len(set(how)) > 1:
+        raise UserError(
+            f"{measurement.source}: 'zero' leaves only some of {', '.join(names)} open, and in a frame whose "
+            "turn is unknown they belong together: say the same of each."
+        )
+    read = [np.stack([run.outputs[name] for name in names], axis=1) for run in measurement.runs]
+    read = [rows[np.isfinite(rows).all(axis=1)] for rows in read]
+    whole = np.concatenate(_centred(read, how[0]))
+    sizes = np.linalg.svd(whole, compute_uv=False) if len(whole) > 1 else np.zeros(2)
+    if sizes[0] > 0.0 and sizes[1] < FLAT * sizes[0]:
+        raise UserError(
+            f"{measurement.source}: {', '.join(names)} lie on one line as far as they were read, and tell no turn of "
+            "their frame about it: write 'frame: {turn: [w, x, y, z]}'."
+        )
+
+
+def _centred(tables: Sequence[Array], how: str | None) -> list[Array]:
+    """Return vectors (t, 3) of each run from their mean: of each run, of all runs, or as they are."""
+    if how is None or not any(map(len, tables)):
+        return list(tables)
+    if how == PER_RUN:
+        return [rows - rows.mean(axis=0) if len(rows) else rows for rows in tables]
+    mean = np.concatenate(tables).mean(axis=0)
+    return [rows - mean for rows in tables]
+
+
 def components(name: str) -> list[str]:
     """Return the outputs that are turned together with one: x, y and z of a position, y and z of a pair."""
     if POSITION.fullmatch(name):
@@ -169,11 +200,7 @@ def _pairs(outputs: Sequence[str]) -> list[list[str]]:
 
 
 def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequence[RunReadings]) -> Array:
-    """Return the proper rotation R that makes Σ |y − R p|² least, each in its own unit's size.
-
-    Raises:
-        UserError: the readings lie on one line through the origin and tell no turn about it.
-    """
+    """Return the proper rotation R that makes Σ |y − R p|² least, each in its own unit's size."""
     width = len(vectors[0])
     product = np.zeros((width, width))
     for names in vectors:
@@ -183,28 +210,14 @@ def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequ
             np.isfinite(y).all(axis=1) & np.isfinite(p).all(axis=1) for y, p in zip(read, said, strict=True)
         ]
         y, p = ([v[keep] for v, keep in zip(table, there, strict=True)] for table in (read, said))
-        how = [measurement.free_zeros.get(n) for n in names]
-        if len(set(how)) > 1:
-            raise UserError(
-                f"{measurement.source}: 'zero' leaves only some of {', '.join(names)} open, and in a frame whose "
-                "turn is unknown they belong together: say the same of each."
-            )
-        if how[0] == PER_RUN:
-            y, p = ([v - v.mean(axis=0) if len(v) else v for v in table] for table in (y, p))
-        ys, ps = np.concatenate(y), np.concatenate(p)
-        if how[0] is not None and how[0] != PER_RUN and len(ys):
-            ys, ps = ys - ys.mean(axis=0), ps - ps.mean(axis=0)
+        how = measurement.free_zeros.get(names[0])
+        ys, ps = (np.concatenate(_centred(table, how)) for table in (y, p))
         scale = float((ys**2).sum())
         if scale > 0.0:
             product += ps.T @ ys / scale
     left, sizes, right = np.linalg.svd(product)
     if sizes[0] <= 0.0:  # nothing was read, or nothing was reached
         return np.eye(width)
-    if width == 3 and sizes[1] < FLAT * sizes[0]:
-        raise UserError(
-            f"{measurement.source}: {', '.join(vectors[0])} lie on one line as far as they were read, and tell no "
-            "turn of their frame about it: write 'frame: {turn: [w, x, y, z]}'."
-        )
     signs = np.ones(width)
     signs[-1] = np.sign(np.linalg.det(right.T @ left.T))
     return np.asarray(right.T @ np.diag(signs) @ left.T)

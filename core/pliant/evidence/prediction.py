@@ -187,10 +187,10 @@ class Predictor:
         """The turns of the sensors' frames that fit the study's own model best."""
         if self._turns is None:
             fixed = self._alignment.fixed
-            self._turns = self._alignment.turns(self._unaligned()) if fixed is None else fixed
+            self._turns = self._alignment.turns(self.unaligned()) if fixed is None else fixed
         return self._turns
 
-    def _unaligned(self) -> tuple[RunReadings, ...]:
+    def unaligned(self) -> tuple[RunReadings, ...]:
         """Predictions of the study's own model in the world's and the module's frames."""
         model = self._changed(self._base, ())
         driven = self._reached(model, self._histories)

@@ -85,20 +85,35 @@ def outputs_among(names: Iterable[str]) -> list[str]:
 
 
 def match(
-    sheet: Sheet, notes: MeasurementNotes, notes_name: str, inputs: frozenset[str] = frozenset()
+    sheet: Sheet,
+    notes: MeasurementNotes,
+    notes_name: str,
+    inputs: frozenset[str] = frozenset(),
+    elsewhere: set[tuple[str, str]] | None = None,
 ) -> dict[str, FileColumn]:
-    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros."""
+    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros.
+
+    `elsewhere` takes the keys and columns of notes that this file does not have, which is an error without it.
+    """
+
+    def check(key: str, keys: Iterable[str], columns: Iterable[str]) -> None:
+        known = set(columns)
+        if elsewhere is None:
+            check_named(path, notes_name, key, keys, known)
+        else:
+            elsewhere.update((key, name) for name in keys if name not in known)
+
     path, written = sheet.path, sheet.header
     named = [*written, *map(stem, written)]
-    check_named(path, notes_name, "rename", notes.rename, named)
-    check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
+    check("rename", notes.rename, named)
+    check("units", notes.units, [*named, *notes.rename.values()])
     found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
     if (
         "time_s" not in found
         and (clock := _of_labview(sheet) or _of_frames(sheet, notes, notes_name)) is not None
     ):
         found["time_s"] = clock
-    check_named(path, notes_name, "zero", notes.zero, [*named, *found])
+    check("zero", notes.zero, [*named, *found])
     return {name: with_zero(column, notes, notes_name) for name, column in found.items()}
 
 

@@ -57,6 +57,7 @@ def read_measurements(
     seen: set[str] = set()
     joined = {path for source in sources if (path := _joined_by(source, stated)) is not None}
     own = [s for s in sources if is_frame(s) or s.resolve() not in joined]
+    absent: list[set[tuple[str, str]]] = [set() for _ in own]
     try:
         measurements = [
             read_measurement(
@@ -68,6 +69,7 @@ def read_measurements(
                 expected=expected,
                 progress=progress,
                 runs_seen=seen if len(own) > 1 and not exclude_from_first else None,
+                elsewhere_noted=absent[number] if len(own) > 1 else None,
             )
             for number, source in enumerate(own)
         ]
@@ -78,6 +80,11 @@ def read_measurements(
             raise UserError(
                 f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
             )
+    for key, name in sorted(set.intersection(*absent)):
+        names = sorted({heading for m in measurements for heading in m.headed.values()})
+        raise UserError(
+            f"'{key}' has '{name}', which is not a column of any of the files{closest(name, names)}"
+        )
     found = together(measurements)
     if not exclude_from_first:
         _check_runs(found, stated)

@@ -62,6 +62,7 @@ def read_header(
     notes_name: str,
     actuation: Sequence[str] | None,
     given: Sequence[FileColumn] = (),
+    elsewhere: set[tuple[str, str]] | None = None,
 ) -> Header:
     """Match the header with the known columns.
 
@@ -71,11 +72,12 @@ def read_header(
         notes_name: where a user would write notes, for messages.
         actuation: names of the chain's inputs; all inputs of the file where None.
         given: columns that do not stand in the file.
+        elsewhere: takes what the notes say of columns that the file does not have: others may.
 
     Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
     """
     path, written = sheet.path, sheet.header
-    found = match(sheet, notes, notes_name, frozenset(actuation or ()))
+    found = match(sheet, notes, notes_name, frozenset(actuation or ()), elsewhere)
     _check_twist(path, [name for name in written if name not in notes.rename], notes_name)
     if actuation is None:
         found, driven = _driven_by_travel(found, given)

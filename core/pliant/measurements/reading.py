@@ -63,6 +63,7 @@ def read_measurement(
     expected: Mapping[str, tuple[float, float]] | None = None,
     progress: Progress | None = None,
     runs_seen: set[str] | None = None,
+    elsewhere_noted: set[tuple[str, str]] | None = None,
 ) -> Measurement:
     """Read a measurement (docs/measurement_files.md) and the YAML notes of the same stem.
 
@@ -76,6 +77,7 @@ def read_measurement(
             notice a wrong unit.
         progress: receives rows read, for files above 20 MB.
         runs_seen: takes the names of the runs; spans to exclude from others are then left to other files.
+        elsewhere_noted: takes keys and columns of notes that the file does not have; then they are left to others.
 
     Raises:
         UserError: the file cannot be read, a row or column is wrong (all such rows with their lines, 20 of them
@@ -86,10 +88,11 @@ def read_measurement(
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
         asked = notes.join is not None or notes.name_pattern is not None or bool(notes.runs)
-        own = set(match(sheet, notes, notes_name)) if asked else set()
+        own = set(match(sheet, notes, notes_name, frozenset(), elsewhere_noted)) if asked else set()
         other = elsewhere(path, notes, notes_name, actuation, own)
         texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
-        header = read_header(sheet, notes, notes_name, actuation, [*texts, *other.columns])
+        given = [*texts, *other.columns]
+        header = read_header(sheet, notes, notes_name, actuation, given, elsewhere_noted)
         most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
         gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None)
         _gather(sheet, header, other, gatherer, progress or Silent())
@@ -196,15 +199,16 @@ def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
 
 
 def _let_go(runs: Sequence[MeasuredRun], stated: Mapping[str, LetGoConfig]) -> list[MeasuredRun]:
-    """Mark the runs that begin held away from rest."""
-    return [
-        replace(
-            run, history=run.history.with_(let_go=LetGo(stated[run.name].at_s, stated[run.name].bend_rad))
-        )
-        if run.name in stated
-        else run
-        for run in runs
-    ]
+    """Mark the runs that begin held away from rest, with the first angle read: it may be left out later."""
+    marked = []
+    for run in runs:
+        if (how := stated.get(run.name)) is not None:
+            read = [run.outputs[name][0] for name in ("angle_rad", "angle_y_rad") if name in run.outputs]
+            first = next((float(value) for value in read if np.isfinite(value)), None)
+            bend = first if how.bend_rad is None else how.bend_rad
+            run = replace(run, history=run.history.with_(let_go=LetGo(how.at_s, bend)))
+        marked.append(run)
+    return marked
 
 
 def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:

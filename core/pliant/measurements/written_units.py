@@ -16,6 +16,8 @@ from pliant.units import split_unit
 SYMBOLS = {
     "deg": "°",
     "degC": "°C",
+    "m^-1": "1/m",
+    "mm^-1": "1/mm",
     "um": "µm",
     "us": "µs",
     "percent": "%",
