@@ -8,10 +8,11 @@ python -m benchmarks.real.baselines [BENCH …]     prints errors on the runs th
 4. an ARX model (linear in the last n readings and inputs, ridge), run freely: it sees its own predictions, never a
    reading after its first n.
 
-A polynomial is fitted by ridge regression of standardised columns. "Chosen on training blocks" means: a block is
-a run where the training has three or more, else one of `FOLDS` × `ROUNDS` stretches that are dealt out in turn; each is
-predicted by a model that was fitted without its rows, and the order with the smallest error is fitted again to all. Where the notes leave the zero of
-each run open, a run's mean error is taken off, for every model alike; nothing else of a judged run is seen.
+A polynomial is fitted by ridge regression of standardised columns. "Chosen on
+training blocks" means: a block is a run where the training has three or more, else one of `FOLDS` × `ROUNDS` stretches
+that are dealt out in turn; each is predicted by a model that was fitted without its rows, and the order with the
+smallest error is fitted again to all. Where the notes leave the zero of each run open, a run's mean error is taken off,
+for every model alike; nothing else of a judged run is seen. Positions in turned cameras are turned back first.
 """
 
 from __future__ import annotations

@@ -6,19 +6,21 @@ python -m benchmarks.real.five [BENCH …]
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.output import parser_of, write
 from benchmarks.real import baselines
-from benchmarks.real.measured_bench import MeasuredBench, predictor_of
+from benchmarks.real.measured_bench import MeasuredBench, in_the_world, predictor_of
 
 from pliant.config.measurements import PER_RUN
+from pliant.evidence.alignment import Alignment, components
 from pliant.records.measurement import Measurement
 
 BENCHES = ("soft_arm", "three_bellow_link", "coiled_muscle", "cable_arm", "silicone_beam")
@@ -58,7 +60,10 @@ def report(bench: MeasuredBench) -> None:
         found = study.compare()
         print(f"== {bench.name}: {numbers}, {time.perf_counter() - started:.0f} s to the comparison")
         print(found)
+        predictor = predictor_of(study)
+        alignment, turns = Alignment.of(training), predictor.turns
         rows = {"stated law": law_errors(bench, folder, study, numbers)}
+        training, judged = (in_the_world(one, alignment, turns) for one in (training, judged))
         orders = {"stated law": "fitted to the training runs"}
         for outputs in groups(training):
             scales = baselines.scales_of(training, outputs)
@@ -66,6 +71,7 @@ def report(bench: MeasuredBench) -> None:
             for chosen in baselines.baselines(seen, scales):
                 rows.setdefault(chosen.name, {}).update(baselines.errors(chosen, unseen, scales))
                 orders[chosen.name] = "; ".join(filter(None, (orders.get(chosen.name, ""), chosen.order)))
+    rows = {model: by_vector(of) for model, of in rows.items()}
     names = list(rows["stated law"])
     for model, of in rows.items():
         cells = ", ".join(f"{output} {shown(output, of[output])}" for output in names if output in of)
@@ -93,6 +99,19 @@ def law_errors(bench: MeasuredBench, folder: Path, study: Any, numbers: Any) -> 
         )
         for name in predictor.outputs
     }
+
+
+def by_vector(errors: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors with those of a point's x, y and z, or of a pair's y and z, as one length."""
+    found: dict[str, float] = {}
+    for name, value in errors.items():
+        parts = components(name)
+        if parts and all(part in errors for part in parts):
+            length = float(np.sqrt(sum(errors[part] ** 2 for part in parts)))
+            found.setdefault(re.sub(r"_[xyz]_", "_", name), length)
+        else:
+            found[name] = value
+    return found
 
 
 def rms(misses: Sequence[Any], per_run: bool) -> float:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 import pliant
 from pliant.config.measurements import MeasurementsConfig
-from pliant.evidence.alignment import Alignment, Turns
+from pliant.evidence.alignment import Alignment, Turns, components
 from pliant.evidence.prediction import Predictor
 from pliant.measurements.files import read_measurements
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
@@ -93,19 +94,18 @@ def predictor_of(study: StudyHandle) -> Predictor:
 
 
 def training_frame(predictor: Predictor) -> dict[str, Any]:
-    """Return the notes that keep the frame and the zeros of all runs that were fitted; of each run they stay free."""
+    """Return the notes that keep the frames and the zeros of all runs that were fitted; of each run they stay free."""
     from pliant.mechanics.rotations import quaternion_of_matrix
 
-    measurement, turns = predictor.measurement, predictor.turns
-    notes: dict[str, Any] = {}
-    if measurement.frame is not None and measurement.frame.unknown:
-        if turns.positions is not None:
-            notes["frame"] = {"turn": [float(v) for v in quaternion_of_matrix(turns.positions[None])[0]]}
-        elif turns.pairs is not None:
-            notes["frame"] = {
-                "turn": f"{np.degrees(np.arctan2(turns.pairs[0, 1], turns.pairs[0, 0])):.9g} deg"
-            }
-    plain = Alignment(measurement, turns).applied(predictor.unaligned(), own=False)
+    measurement = predictor.measurement
+    alignment, turns = Alignment.of(measurement), predictor.turns
+    kept: dict[str, Any] = {}
+    for session, one in zip(alignment.sessions, turns, strict=True):
+        if one.positions is not None:
+            kept[session.pattern] = [float(v) for v in quaternion_of_matrix(one.positions)]
+        elif one.pairs is not None:
+            kept[session.pattern] = f"{np.degrees(np.arctan2(one.pairs[0, 1], one.pairs[0, 0])):.9g} deg"
+    plain = alignment.applied(predictor.unaligned(), own=False)
     free = [name for name, how in measurement.free_zeros.items() if how == "unknown"]
     misses = {
         name: np.concatenate(
@@ -113,8 +113,25 @@ def training_frame(predictor: Predictor) -> dict[str, Any]:
         )
         for name in free
     }
-    notes["zero"] = {name: float(np.nanmean(miss)) for name, miss in misses.items()}
-    return notes
+    zeros = {name: float(np.nanmean(miss)) for name, miss in misses.items()}
+    return {"zero": zeros, **({"frame": {"turn": kept}} if kept else {})}
+
+
+def in_the_world(measurement: Measurement, alignment: Alignment, turns: Sequence[Turns]) -> Measurement:
+    """Return the positions of a measurement turned back from the cameras' frames, of runs of the same sessions."""
+    names = [s.pattern for s in alignment.sessions]
+    runs = []
+    for run in measurement.runs:
+        place = next((k for k, pattern in enumerate(names) if fnmatchcase(run.name, pattern)), None)
+        turn = None if place is None else turns[place].positions
+        outputs = dict(run.outputs)
+        for name in run.outputs:
+            parts = components(name)
+            if turn is not None and name.endswith("_m") and len(parts) == 3 and name == parts[0]:
+                seen = np.stack([run.outputs[part] for part in parts], axis=1) @ turn
+                outputs |= dict(zip(parts, seen.T, strict=True))
+        runs.append(run.with_outputs(outputs))
+    return replace(measurement, runs=tuple(runs))
 
 
 def _with_zeros(own: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
@@ -180,6 +197,3 @@ def _bent(chain: ChainModel, measurement: Measurement, gain: float) -> list[dict
         read |= {f"curvature_{a}_1_per_m": total[:, k] / chain.length_m for k, a in ((1, "y"), (2, "z"))}
         runs.append(read)
     return runs
-
-
-__all__ = ["MeasuredBench", "Turns", "bend_gain", "predictor_of", "training_frame"]

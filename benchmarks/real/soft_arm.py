@@ -3,7 +3,8 @@
 python -m benchmarks.real.soft_arm     prints, and writes benchmarks/out/soft_arm.json
 
 Stated: a length of 185 mm, three chambers at 120°, gauge pressures in psi. Not stated: weight, stiffness, the order of
-the chambers about the axis, and how the camera stands; the camera's turn and one zero of all runs are fitted. The law
+the chambers about the axis, and how the camera stands: the arm rests along its z in the runs with steps and along its y
+in those of tracking, so that each of the two sessions has a turn of its own, fitted to the training runs. The law
 is plain: each of four ball joints bends by the sum of the pressures, g Σ pₖ eₖ, with g from the training runs. Without
 a run under load in training the stiffness behind g is a guess (0.6 N·m/rad for the whole arm), which the payload of
 `tracking_4` tries.
@@ -38,8 +39,7 @@ chain:
 physics: quasistatic
 """
 NOTES = {
-    "frame": {"turn": "unknown"},
-    "zero": {"tip_x_m": "unknown", "tip_y_m": "unknown", "tip_z_m": "unknown"},
+    "frame": {"turn": {"steps_*": "unknown", "tracking_*": "unknown"}},
     "runs": {"tracking_4": {"payload": "200 g"}},
     "outputs": ["tip_x_m", "tip_y_m", "tip_z_m"],
 }

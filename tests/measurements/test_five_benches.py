@@ -161,6 +161,6 @@ def test_a_zero_of_each_run_is_no_noise_between_repeats(read):
     ],
 )
 def test_the_frame_of_a_camera(read, notes, quaternion, angle):
-    frame = read("time_s,pressure_pa,tip_x_mm\n0,0,0\n1,9e3,1\n", notes + "\n").frame
+    frame = read("time_s,pressure_pa,tip_x_mm\n0,0,0\n1,9e3,1\n", notes + "\n").frames["*"]
     assert frame.quaternion == quaternion
     assert frame.angle_rad == (None if angle is None else pytest.approx(angle))

@@ -118,12 +118,16 @@ class LetGoConfig(FrozenModel):
     )
 
 
+Turn = Literal["unknown"] | tuple[Ratio, Ratio, Ratio, Ratio] | Angle
+
+
 class SensorFrameConfig(FrozenModel):
     """The frame in which a camera or a pair of bend sensors reads, seen from the world or from the module."""
 
-    turn: Literal["unknown"] | tuple[Ratio, Ratio, Ratio, Ratio] | Angle = Field(
+    turn: Turn | dict[Name, Turn] = Field(
         description="unknown: estimated from the readings; of positions a quaternion w, x, y, z that takes world "
-        "vectors to the camera's; of pairs of bends or curvatures an angle about the chain axis, e.g. 30 deg"
+        "vectors to the camera's; of pairs of bends or curvatures an angle about the chain axis, e.g. 30 deg; or one "
+        "of these by pattern of the runs' names, where the camera was moved between sessions"
     )
 
 

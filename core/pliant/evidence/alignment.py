@@ -14,8 +14,9 @@ Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from pliant.errors import UserError
 from pliant.formatting import number
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
 from pliant.records.design import Array
-from pliant.records.measurement import Measurement
+from pliant.records.measurement import Measurement, SensorFrame
 
 POSITION = re.compile(r"(tip|marker_\d+)_[xyz]_m")
 PAIR = re.compile(r"(angle|joint_\d+_angle|curvature)_[yz]_(rad|1_per_m)")
@@ -41,69 +42,78 @@ class Turns:
 
 
 @dataclass(frozen=True, eq=False)
+class Session:
+    """Runs that were read in one frame.
+
+    Attributes:
+        pattern: of their names, as the notes have it; "*" where all runs have one frame.
+        runs: their places in the measurement.
+        fixed: the turns that are not estimated; None where they are.
+    """
+
+    pattern: str
+    runs: tuple[int, ...]
+    fixed: Turns | None
+
+
+@dataclass(frozen=True, eq=False)
 class Alignment:
     """How predicted readings are brought into the sensors' frames and zeros.
 
     Attributes:
-        measurement: what was read, in which frame and with which free zeros.
-        fixed: turns that are not estimated; None where they are.
+        measurement: what was read, in which frames and with which free zeros.
+        sessions: the frames and their runs; none where nothing is turned.
     """
 
     measurement: Measurement
-    fixed: Turns | None
+    sessions: tuple[Session, ...] = ()
 
     @staticmethod
     def of(measurement: Measurement) -> Alignment:
         """Return the alignment that a measurement asks for.
 
         Raises:
-            UserError: a frame that does not fit what is read.
+            UserError: a frame that does not fit what is read, or a run that has none.
         """
-        frame = measurement.frame
-        if frame is None:
-            return Alignment(measurement, Turns())
-        stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
-        if frame.quaternion is not None:
-            w = np.asarray(frame.quaternion, float)
-            return Alignment(
-                measurement, Turns(positions=matrix_of_quaternion((w / np.linalg.norm(w))[None])[0])
-            )
-        if frame.angle_rad is not None:
-            c, s = np.cos(frame.angle_rad), np.sin(frame.angle_rad)
-            return Alignment(measurement, Turns(pairs=np.array([[c, s], [-s, c]])))
-        if not stems and not pairs:
+        sessions, taken = [], set[int]()
+        for pattern, frame in measurement.frames.items():
+            fits = [k for k, run in enumerate(measurement.runs) if fnmatchcase(run.name, pattern)]
+            chosen = tuple(k for k in fits if k not in taken)
+            taken.update(chosen)
+            sessions.append(Session(pattern, chosen, _fixed(frame)))
+            if frame.unknown:
+                _check_told(replace(measurement, runs=tuple(measurement.runs[k] for k in chosen)))
+        if measurement.frames and len(taken) < len(measurement.runs):
+            lost = next(run.name for k, run in enumerate(measurement.runs) if k not in taken)
             raise UserError(
-                f"{measurement.source}: 'frame: {{turn: unknown}}' needs x, y and z of a position, or y and z of a "
-                f"bend or curvature, and the file has {', '.join(measurement.outputs)}."
+                f"{measurement.source}: run '{lost}' fits none of the patterns of 'frame: {{turn: …}}': "
+                f"{', '.join(measurement.frames)}."
             )
-        for names in [[f"{stem}_{axis}_m" for axis in "xyz"] for stem in stems]:
-            _check_spread(measurement, names)
-        return Alignment(measurement, None)
+        return Alignment(measurement, tuple(sessions))
 
     @property
     def idle(self) -> bool:
         """Whether predictions are compared as they are."""
-        still = self.fixed is not None and self.fixed.positions is None and self.fixed.pairs is None
-        return still and not self.measurement.free_zeros
+        return not self.sessions and not self.measurement.free_zeros
 
     @property
     def has_readings(self) -> bool:
         return self.measurement.n_samples > 0
 
-    def frozen(self, turns: Turns, measurement: Measurement) -> Alignment:
-        """Return the alignment of other runs, in which nothing was read: the same turns, no zeros."""
-        return Alignment(measurement, turns)
+    def frozen(self, turns: Sequence[Turns], measurement: Measurement) -> Alignment:
+        """Return the alignment of other runs, in which nothing was read: the first session's turns, no zeros."""
+        every = tuple(range(len(measurement.runs)))
+        blank = replace(measurement, free_zeros={})
+        return Alignment(blank, tuple(Session("*", every, one) for one in turns[:1]))
 
-    def turns(self, runs: Sequence[RunReadings]) -> Turns:
-        """Return the turns that bring predictions nearest to the readings, or those that are fixed."""
-        if self.fixed is not None:
-            return self.fixed
-        stems = _complete(self.measurement.outputs, POSITION, "xyz")
-        pairs = _pairs(self.measurement.outputs)
-        return Turns(
-            _turn([[f"{s}_{a}_m" for a in "xyz"] for s in stems], self.measurement, runs) if stems else None,
-            _turn(pairs, self.measurement, runs) if pairs else None,
-        )
+    def turns(self, runs: Sequence[RunReadings]) -> tuple[Turns, ...]:
+        """Return the turns of each session: those that bring predictions nearest to the readings, or are fixed."""
+        found = []
+        for session in self.sessions:
+            part = replace(self.measurement, runs=tuple(self.measurement.runs[k] for k in session.runs))
+            fixed = session.fixed
+            found.append(_estimated(part, [runs[k] for k in session.runs]) if fixed is None else fixed)
+        return tuple(found)
 
     def applied(self, runs: Sequence[RunReadings], own: bool = True) -> tuple[RunReadings, ...]:
         """Return predictions as the sensors read them.
@@ -112,42 +122,84 @@ class Alignment:
             runs: by run, outputs as they are in the world and the module; all components of what is turned.
             own: they are predictions of the measured runs, to whose readings free zeros can be fitted.
         """
-        turns = self.turns(runs)
-        turned = [_turned(run, turns) for run in runs]
+        turned = [dict(run) for run in runs]
+        for session, turns in zip(self.sessions, self.turns(runs), strict=True):
+            for k in session.runs:
+                turned[k] = _turned(runs[k], turns)
         if own:
             for name, how in self.measurement.free_zeros.items():
                 if name in turned[0]:
                     _shift(turned, self.measurement, name, how == PER_RUN)
         return tuple(turned)
 
-    def sentences(self, turns: Turns) -> list[str]:
+    def sentences(self, turns: Sequence[Turns]) -> list[str]:
         """Return what was fitted to the readings beside the model, with the lines that keep it."""
-        said = []
-        if self.fixed is None and turns.positions is not None:
-            q = quaternion_of_matrix(turns.positions[None])[0]
-            angle = 2.0 * np.degrees(np.arccos(np.clip(abs(q[0]), 0.0, 1.0)))
-            line = ", ".join(f"{value:.6g}" for value in q)
-            said.append(
-                f"The camera's frame is turned by {number(angle, 4)}° against the world: three numbers that were "
-                f"fitted to the readings. To keep it for other runs write 'frame: {{turn: [{line}]}}'."
-            )
-        if self.fixed is None and turns.pairs is not None:
-            angle = np.degrees(np.arctan2(turns.pairs[0, 1], turns.pairs[0, 0]))
-            said.append(
-                f"The bend sensors are turned by {number(angle, 4)}° about the chain axis: a number that was fitted to "
-                f"the readings. To keep it for other runs write 'frame: {{turn: {angle:.6g} deg}}'."
+        said, lines, numbers = [], {}, 0
+        for session, one in zip(self.sessions, turns, strict=True):
+            if session.fixed is None:
+                text, line, more = _told(one)
+                numbers += more
+                lines[session.pattern] = line
+                where = "" if session.pattern == "*" else f" in the runs {session.pattern}"
+                said.append(f"{text}{where}, as fitted to the readings.")
+        if lines:
+            line = ", ".join(text if name == "*" else f'"{name}": {text}' for name, text in lines.items())
+            line = line if "*" in lines else f"{{{line}}}"
+            many = "Three numbers were" if numbers == 3 else f"{numbers} numbers were"
+            said[-1] += (
+                f" {many} fitted beside the model's own; "
+                f"to keep them for other runs write 'frame: {{turn: {line}}}'."
             )
         per_run = [n for n, how in self.measurement.free_zeros.items() if how == PER_RUN]
         of_all = [n for n in self.measurement.free_zeros if n not in per_run]
-        if per_run:
-            said.append(
-                f"{', '.join(per_run)}: the zero of each run is unknown and was fitted to its readings."
-            )
-        if of_all:
-            said.append(
-                f"{', '.join(of_all)}: the zero of all runs is unknown and was fitted to the readings."
-            )
+        for names, whose in ((per_run, "each run"), (of_all, "all runs")):
+            if names:
+                said.append(
+                    f"{', '.join(names)}: the zero of {whose} is unknown and was fitted to the readings."
+                )
         return said
+
+
+def _fixed(frame: SensorFrame) -> Turns | None:
+    if frame.quaternion is not None:
+        return Turns(positions=matrix_of_quaternion(np.asarray(frame.quaternion, float)))
+    if frame.angle_rad is not None:
+        c, s = np.cos(frame.angle_rad), np.sin(frame.angle_rad)
+        return Turns(pairs=np.array([[c, s], [-s, c]]))
+    return None
+
+
+def _told(turns: Turns) -> tuple[str, str, int]:
+    """Return a sentence's begin about an estimated turn, its value as notes have it, and how many numbers it is."""
+    if turns.positions is not None:
+        q = quaternion_of_matrix(turns.positions)
+        angle = 2.0 * np.degrees(np.arccos(np.clip(abs(q[0]), 0.0, 1.0)))
+        line = ", ".join(f"{value:.6g}" for value in q)
+        return f"The camera's frame is turned by {number(angle, 4)}° against the world", f"[{line}]", 3
+    assert turns.pairs is not None
+    angle = np.degrees(np.arctan2(turns.pairs[0, 1], turns.pairs[0, 0]))
+    return f"The bend sensors are turned by {number(angle, 4)}° about the chain axis", f"{angle:.6g} deg", 1
+
+
+def _estimated(measurement: Measurement, runs: Sequence[RunReadings]) -> Turns:
+    """Return the turns that bring predictions nearest to the readings."""
+    stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
+    return Turns(
+        _turn([[f"{s}_{a}_m" for a in "xyz"] for s in stems], measurement, runs) if stems else None,
+        _turn(pairs, measurement, runs) if pairs else None,
+    )
+
+
+def _check_told(measurement: Measurement) -> None:
+    """Raise `UserError` where the readings of some runs cannot tell how their frame is turned."""
+    stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
+    if not stems and not pairs:
+        raise UserError(
+            f"{measurement.source}: 'frame: {{turn: unknown}}' needs x, y and z of a position, or y and z of a "
+            f"bend or curvature, and the file has {', '.join(measurement.outputs)}."
+        )
+    for stem in stems:
+        _check_spread(measurement, [f"{stem}_{axis}_m" for axis in "xyz"])
 
 
 def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
@@ -160,7 +212,7 @@ def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
         )
     read = [np.stack([run.outputs[name] for name in names], axis=1) for run in measurement.runs]
     read = [rows[np.isfinite(rows).all(axis=1)] for rows in read]
-    whole = np.concatenate(_centred(read, how[0]))
+    whole = np.concatenate([np.zeros((0, len(names))), *_centred(read, how[0])])
     sizes = np.linalg.svd(whole, compute_uv=False) if len(whole) > 1 else np.zeros(2)
     if sizes[0] > 0.0 and sizes[1] < FLAT * sizes[0]:
         raise UserError(
@@ -211,7 +263,8 @@ def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequ
         ]
         y, p = ([v[keep] for v, keep in zip(table, there, strict=True)] for table in (read, said))
         how = measurement.free_zeros.get(names[0])
-        ys, ps = (np.concatenate(_centred(table, how)) for table in (y, p))
+        blank = np.zeros((0, width))
+        ys, ps = (np.concatenate([blank, *_centred(table, how)]) for table in (y, p))
         scale = float((ys**2).sum())
         if scale > 0.0:
             product += ps.T @ ys / scale
@@ -245,11 +298,3 @@ def _shift(runs: Sequence[RunReadings], measurement: Measurement, name: str, per
         chosen = own if per_run else whole
         if len(chosen):
             run[name] = run[name] + chosen.mean()
-
-
-def free_numbers(measurement: Measurement, turns: Turns) -> int:
-    """Return how many numbers beside the model's were fitted to the readings."""
-    zeros: Mapping[str, str] = measurement.free_zeros
-    many = sum(len(measurement.runs) if how == PER_RUN else 1 for how in zeros.values())
-    unknown = measurement.frame is not None and measurement.frame.unknown
-    return many + (3 * (turns.positions is not None) + (turns.pairs is not None) if unknown else 0)

@@ -74,7 +74,7 @@ class Predictor:
         self.parts = 1
         self._histories = led_in([run.history for run in measurement.runs])
         self._alignment = Alignment.of(measurement)
-        self._turns: Turns | None = None
+        self._turns: tuple[Turns, ...] | None = None
         self._finer: dict[int, Sequence[History]] = {}
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
@@ -183,11 +183,14 @@ class Predictor:
         return said if self._alignment.idle else [*said, *self._alignment.sentences(self.turns)]
 
     @property
-    def turns(self) -> Turns:
-        """The turns of the sensors' frames that fit the study's own model best."""
+    def turns(self) -> tuple[Turns, ...]:
+        """The turns of the sensors' frames that fit the study's own model best, by session."""
         if self._turns is None:
-            fixed = self._alignment.fixed
-            self._turns = self._alignment.turns(self.unaligned()) if fixed is None else fixed
+            sessions = self._alignment.sessions
+            estimated = any(session.fixed is None for session in sessions)
+            self._turns = self._alignment.turns(
+                self.unaligned() if estimated else [{}] * len(self._histories)
+            )
         return self._turns
 
     def unaligned(self) -> tuple[RunReadings, ...]:
@@ -393,7 +396,7 @@ class Predictor:
 
     def _wanted(self) -> tuple[str, ...]:
         """The outputs, and with turned frames all components of those that are turned."""
-        if self._alignment.idle or self.measurement.frame is None:
+        if not self._alignment.sessions:
             return self.outputs
         more = (other for name in self.outputs for other in components(name))
         return tuple(dict.fromkeys((*self.outputs, *(name for name in more if self._has(name)))))

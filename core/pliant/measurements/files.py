@@ -237,7 +237,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
         {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
         next(iter(arms), ((), ()))[1],
-        first.frame,
+        first.frames,
         {name: zero for m in measurements for name, zero in m.free_zeros.items()},
     )
 

@@ -155,13 +155,17 @@ def read_measurement(
         {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
         notes.marker_offsets_m,
-        None if notes.frame is None else _frame(notes.frame),
+        {} if notes.frame is None else _frames(notes.frame),
         _free_zeros(notes, notes_name, header, read),
     )
 
 
-def _frame(stated: SensorFrameConfig) -> SensorFrame:
-    turn = stated.turn
+def _frames(stated: SensorFrameConfig) -> dict[str, SensorFrame]:
+    turns = stated.turn if isinstance(stated.turn, dict) else {"*": stated.turn}
+    return {pattern: _frame(turn) for pattern, turn in turns.items()}
+
+
+def _frame(turn: Any) -> SensorFrame:
     if isinstance(turn, tuple):
         return SensorFrame(quaternion=turn)
     return SensorFrame() if isinstance(turn, str) else SensorFrame(angle_rad=turn)

@@ -102,7 +102,8 @@ class Measurement:
             markers are the chain's own (joints 1…N, then the tip as N + 1).
         marker_offsets_m: (x, y, z) of each of them beside the centre line, in the frame of its piece; empty where all
             stand on it.
-        frame: in which positions or pairs of bends are read; None for the world's and the module's.
+        frames: in which positions or pairs of bends are read, by a pattern of runs' names ("*" for all); empty for the
+            world's and the module's.
         free_zeros: outputs whose zero is unknown → "unknown" (one of all runs) or "per run".
         doubts: columns that may mean something else; `remarks` holds their sentences too.
         written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
@@ -119,7 +120,7 @@ class Measurement:
     written: Mapping[str, str] = field(default_factory=dict)
     headed: Mapping[str, str] = field(default_factory=dict)
     marker_offsets_m: tuple[tuple[float, float, float], ...] = ()
-    frame: SensorFrame | None = None
+    frames: Mapping[str, SensorFrame] = field(default_factory=dict)
     free_zeros: Mapping[str, str] = field(default_factory=dict)
 
     @property
