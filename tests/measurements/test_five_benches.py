@@ -164,3 +164,32 @@ def test_the_frame_of_a_camera(read, notes, quaternion, angle):
     frame = read("time_s,pressure_pa,tip_x_mm\n0,0,0\n1,9e3,1\n", notes + "\n").frames["*"]
     assert frame.quaternion == quaternion
     assert frame.angle_rad == (None if angle is None else pytest.approx(angle))
+
+
+def test_a_file_that_is_left_out_as_a_whole_leaves_the_others(tmp_path):
+    for name in "ab":
+        (tmp_path / f"{name}.csv").write_text(f"time_s,pressure_pa,angle_rad\n0,0,0\n1,{ord(name)},0.1\n")
+    both = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    found = read_measurements(both, {"exclude": [{"run": "a", "why": "the camera stood"}]})
+    assert [run.name for run in found.runs] == ["b"]
+    assert any("Run 'a' is left out (the camera stood)" in said for said in found.remarks)
+    with pytest.raises(UserError, match="no run is left of any of the files"):
+        read_measurements(both, {"exclude": [{"run": "a"}, {"run": "b"}]})
+
+
+def test_a_sigma_is_called_as_in_the_file(read):
+    found = read(
+        "time_s,pressure_pa,tip angle [deg]\n0,0,0\n1,1,5\n",
+        "rename: {tip angle: angle_deg}\nsigma: {tip angle: 1 deg}\n",
+    )
+    np.testing.assert_allclose(found.runs[0].sigma["angle_rad"], np.deg2rad(1.0))
+
+
+def test_notes_of_several_files_may_name_columns_that_only_some_have(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,pressure_pa,bend\n0,0,0\n1,9,4\n")
+    (tmp_path / "b.csv").write_text("time_s,pressure_pa,grown_mm\n0,0,0\n1,9,4\n")
+    notes = {"rename": {"bend": "angle_deg", "grown_mm": "extension_mm"}, "zero": {"bend": "1 deg"}}
+    found = read_measurements([tmp_path / "a.csv", tmp_path / "b.csv"], notes)
+    assert found.outputs == ("angle_rad", "extension_m")
+    with pytest.raises(UserError, match="'units' has 'bent', which is not a column of any of the files"):
+        read_measurements([tmp_path / "a.csv", tmp_path / "b.csv"], {**notes, "units": {"bent": "deg"}})

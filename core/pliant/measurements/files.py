@@ -198,6 +198,12 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
     """
     if len(measurements) == 1:
         return measurements[0]
+    remarks = _remarks(measurements)
+    measurements = [m for m in measurements if m.runs]
+    if not measurements:
+        raise UserError("no run is left of any of the files: 'exclude' leaves all of them out.")
+    if len(measurements) == 1:
+        return replace(measurements[0], remarks=remarks)
     first = measurements[0]
     inputs = set(first.runs[0].history.actuation)
     arms = {(m.marker_arms_m, m.marker_offsets_m) for m in measurements if m.marker_arms_m}
@@ -230,7 +236,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         tuple(runs),
         outputs,
         " + ".join(m.source for m in measurements),
-        _remarks(measurements),
+        remarks,
         next(iter(arms), ((), ()))[0],
         digest if any(m.sha256 for m in measurements) else "",
         tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),

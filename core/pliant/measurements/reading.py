@@ -104,7 +104,7 @@ def read_measurement(
     said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
     outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
-    stated = _stated(notes, notes_name, outputs)
+    stated = _stated(notes, notes_name, outputs, header)
     if notes.marker_offsets_m and len(notes.marker_offsets_m) != len(notes.markers_m):
         raise UserError(
             f"{notes_name}: 'marker_offsets' has {len(notes.marker_offsets_m)} entries and 'markers' "
@@ -127,6 +127,8 @@ def read_measurement(
         spans_here = tuple(span for span in notes.exclude if span.run in names)
     runs = _without_excluded(runs, spans_here, notes_name, said)
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
+    if not runs and runs_seen is not None:  # others of the files may have some
+        return Measurement((), (), path.name, tuple(said))
     if not read:
         raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
     said += [
@@ -254,11 +256,14 @@ def _chosen(path: Path, header: Header, wanted: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(wanted)) or have
 
 
-def _stated(notes: MeasurementNotes, notes_name: str, outputs: Sequence[str]) -> dict[str, float]:
-    """Standard deviations of sensors in SI, from the notes."""
+def _stated(
+    notes: MeasurementNotes, notes_name: str, outputs: Sequence[str], header: Header
+) -> dict[str, float]:
+    """Return standard deviations of sensors in SI, from the notes, by the file's names or Pliant's."""
     stated = {}
+    called = {name: c.name for c in header.columns for name in (c.written, stem(c.written))}
     for name, value in notes.sigma.items():
-        name = name.removeprefix("sigma_")
+        name = called.get(name, name).removeprefix("sigma_")
         if not outputs_among([name]):
             raise UserError(
                 f"{notes_name}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}"

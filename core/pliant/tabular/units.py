@@ -95,7 +95,8 @@ def conversion(written: str, unit: str, where: str) -> tuple[float, float]:
     try:
         one, shift = (_in_unit(number, written, unit) for number in (1, 0))
     except UnitError as error:
-        raise UserError(f"{where}: {error}.") from None
+        text = str(error).replace(f"'1 {written}'", f"the unit '{written}'")
+        raise UserError(f"{where}: {text}.") from None
     return one - shift, shift
 
 
