@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.config.measurements import PER_RUN
 from pliant.records.design import Array
@@ -154,9 +155,9 @@ def lagged(series: Series, time_s: float) -> Array:
     return found
 
 
-def _kept(series: Series, left_out: int | None) -> Array:
+def _kept(series: Series, left_out: int | None) -> NDArray[np.bool_]:
     good = np.isfinite(series.outputs).all(axis=1)
-    return np.asarray(good if left_out is None else good & (series.fold != left_out))
+    return np.asarray(good if left_out is None else good & (series.fold != left_out), bool)
 
 
 def _static(columns: Callable[[Series], Array]) -> Fit:

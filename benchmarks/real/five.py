@@ -1,6 +1,8 @@
 """The five benches together: their names, and what is printed of each.
 
-python -m benchmarks.real.five [BENCH …]
+python -m benchmarks.real.five [BENCH …] [--improve]     prints, and writes benchmarks/out/<bench>.json
+
+`--improve` looks at the runs that judge once: it belongs to the end of a piece of work, not into it.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from benchmarks.output import parser_of, write
 from benchmarks.real import baselines
 from benchmarks.real.measured_bench import MeasuredBench, in_the_world, predictor_of
+from benchmarks.real.splits import Part
 
 from pliant.config.measurements import PER_RUN
 from pliant.evidence.alignment import Alignment, components
@@ -36,7 +39,7 @@ def bench_named(name: str) -> MeasuredBench:
 
 def missing(bench: MeasuredBench) -> bool:
     """Return whether a file of the bench is not here, which is said."""
-    absent = [path for part in ("train", "judge") for path in bench.files(part) if not path.is_file()]  # type: ignore[arg-type]
+    absent = [path for part in ("train", "judge") for path in bench.files(part) if not path.is_file()]
     if absent:
         print(f"skipped: {absent[0]} is not here")
     return bool(absent)
@@ -44,39 +47,85 @@ def missing(bench: MeasuredBench) -> bool:
 
 def main_of_bench(bench: MeasuredBench, doc: str | None) -> None:
     """Run what a bench's script does."""
-    parser_of(doc).parse_args()
-    report(bench)
+    options = parser_of(doc)
+    options.add_argument(
+        "--improve", action="store_true", help="improve on the training runs, and judge that too"
+    )
+    report(bench, options.parse_args().improve)
 
 
-def report(bench: MeasuredBench) -> None:
-    """Print `compare` of the training runs and the errors of the four baselines on the runs that judge."""
+def report(bench: MeasuredBench, improve: bool = False, part: Part = "judge") -> dict[str, Any]:
+    """Print `compare` of the training runs and what all models miss on the runs that judge; return the figures.
+
+    Args:
+        bench: which.
+        improve: also improve on the training runs, and judge the study that comes of it.
+        part: "train" tries the script out without a look at the runs that judge.
+    """
     if missing(bench):
-        return
+        return {}
     with tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.perf_counter()
-        training, judged = bench.read("train"), bench.read("judge")
+        training, judged = bench.read("train"), bench.read(part)
         numbers = bench.fit(bench, training)
         study = bench.study(folder, numbers)
         found = study.compare()
-        print(f"== {bench.name}: {numbers}, {time.perf_counter() - started:.0f} s to the comparison")
-        print(found)
-        predictor = predictor_of(study)
-        alignment, turns = Alignment.of(training), predictor.turns
-        rows = {"stated law": law_errors(bench, folder, study, numbers)}
-        training, judged = (in_the_world(one, alignment, turns) for one in (training, judged))
+        print(f"== {bench.name}: {numbers}, {time.perf_counter() - started:.0f} s to the comparison\n{found}")
+        turns = predictor_of(study).turns
+        rows = {"stated law": model_errors(bench, folder, study, numbers, part)}
         orders = {"stated law": "fitted to the training runs"}
+        sessions = Alignment.of(training)
+        training, judged = (in_the_world(one, sessions, turns) for one in (training, judged))
+        spread: dict[str, float] = {}
         for outputs in groups(training):
             scales = baselines.scales_of(training, outputs)
+            spread |= dict(zip(outputs, scales.output_sd.tolist(), strict=True))
             seen, unseen = baselines.series_of(training, scales), baselines.series_of(judged, scales)
             for chosen in baselines.baselines(seen, scales):
                 rows.setdefault(chosen.name, {}).update(baselines.errors(chosen, unseen, scales))
                 orders[chosen.name] = "; ".join(filter(None, (orders.get(chosen.name, ""), chosen.order)))
-    rows = {model: by_vector(of) for model, of in rows.items()}
-    names = list(rows["stated law"])
-    for model, of in rows.items():
-        cells = ", ".join(f"{output} {shown(output, of[output])}" for output in names if output in of)
-        print(f"{model:18s} {cells}  ({orders[model]})")
-    write(bench.name, {"numbers": numbers, "errors": rows, "orders": orders})
+        figures: dict[str, Any] = {"numbers": numbers, "orders": orders}
+        if improve:
+            errors, said = improved_errors(bench, folder, study, numbers, part)
+            rows["improve"], orders["improve"] = errors, said["added"]
+            figures["improve"] = said
+    sizes = by_vector(spread)
+    figures["errors"] = {model: by_vector(of) for model, of in rows.items()}
+    figures["overall"] = {model: overall(of, sizes) for model, of in figures["errors"].items()}
+    for model, of in figures["errors"].items():
+        cells = ", ".join(f"{output} {shown(output, of[output])}" for output in sizes if output in of)
+        print(f"{model:18s} {figures['overall'][model]:.3f}  {cells}  ({orders[model]})")
+    if improve:
+        best = min(value for model, value in figures["overall"].items() if model != "improve")
+        figures["ratio"] = figures["overall"]["improve"] / best
+        print(f"improve / best of the four: {figures['ratio']:.2f}")
+    if part == "judge":
+        write(bench.name, figures)
+    return figures
+
+
+def overall(errors: Mapping[str, float], sizes: Mapping[str, float]) -> float:
+    """Return the root mean square over outputs (a point or a pair is one) of errors over the training runs' spread."""
+    return float(np.sqrt(np.mean([(errors[name] / size) ** 2 for name, size in sizes.items()])))
+
+
+def improved_errors(
+    bench: MeasuredBench, folder: Path, study: Any, numbers: Mapping[str, float], part: Part
+) -> tuple[dict[str, float], dict[str, Any]]:
+    """Return the errors of the study that `improve` makes of the training runs, and what it added, and why."""
+    started = time.perf_counter()
+    found = study.improve().record
+    effects = [effect.canonical() for effect in found.steps[-1].effects]
+    better = study.with_({"effects": effects}) if effects else study
+    said = {
+        "added": " + ".join(f"{step.named} ({step.cause})" for step in found.steps[1:]) or "nothing",
+        "values": {} if found.final is None else dict(found.final.values),
+        "stop": found.stop,
+        "reason": found.reason,
+        "wall_s": time.perf_counter() - started,
+    }
+    print(f"improve, {said['wall_s']:.0f} s: {said['added']}; {said['values']}; {found.reason}")
+    return model_errors(bench, folder, better, numbers, part, effects), said
 
 
 def groups(measurement: Measurement) -> list[tuple[str, ...]]:
@@ -88,9 +137,17 @@ def groups(measurement: Measurement) -> list[tuple[str, ...]]:
     return sorted(found)
 
 
-def law_errors(bench: MeasuredBench, folder: Path, study: Any, numbers: Any) -> dict[str, float]:
-    """Return the root mean square errors of the stated law on the runs that judge, SI."""
-    predictor = predictor_of(bench.judged(folder, study, numbers))
+def model_errors(
+    bench: MeasuredBench,
+    folder: Path,
+    study: Any,
+    numbers: Mapping[str, float],
+    part: Part,
+    effects: Sequence[Any] = (),
+) -> dict[str, float]:
+    """Return the root mean square errors of a study of the training runs on the runs that judge, SI."""
+    there = bench.judged(folder, study, numbers, part)
+    predictor = predictor_of(there.with_({"effects": list(effects)}) if effects else there)
     runs, measured = predictor.predict(), predictor.measurement
     return {
         name: rms(
@@ -128,5 +185,6 @@ def shown(output: str, value: float) -> str:
 
 
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or BENCHES:
-        report(bench_named(wanted))
+    chosen_benches = [name for name in sys.argv[1:] if not name.startswith("-")]
+    for wanted in chosen_benches or BENCHES:
+        report(bench_named(wanted), "--improve" in sys.argv)

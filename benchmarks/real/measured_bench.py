@@ -75,13 +75,13 @@ class MeasuredBench:
         path.write_text(self.text(chosen), encoding="utf-8")
         return pliant.open(path, store=folder / "store")
 
-    def judged(self, folder: Path, study: StudyHandle, numbers: Mapping[str, float]) -> StudyHandle:
+    def judged(
+        self, folder: Path, study: StudyHandle, numbers: Mapping[str, float], part: Part = "judge"
+    ) -> StudyHandle:
         """Return the same model on the runs that judge, in the frame and with the zeros of the training runs."""
         notes = training_frame(predictor_of(study))
         path = folder / f"{self.name}_judged.yaml"
-        path.write_text(
-            self.text(numbers, "judge", **_with_zeros(self.said("judge"), notes)), encoding="utf-8"
-        )
+        path.write_text(self.text(numbers, part, **_with_zeros(self.said(part), notes)), encoding="utf-8")
         return pliant.open(path, store=folder / "store")
 
 

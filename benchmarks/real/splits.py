@@ -32,7 +32,8 @@ class Stretch:
         """Return the notes' spans of what does not belong to it."""
         if self.rows:
             first = HEADER_LINES + 1
-            spans = [{"lines": [first, first + int(self.start) - 1]}] if self.start else []
+            spans: list[dict[str, Any]] = []
+            spans += [{"lines": [first, first + int(self.start) - 1]}] if self.start else []
             return self._named(spans + ([{"lines": [first + int(self.end), 10**6]}] if self.end else []))
         spans = [{"end": f"{self.start - EARLIER_S:.9g} s"}] if self.start else []
         return self._named(spans + ([{"start": f"{self.end:.9g} s"}] if self.end else []))
