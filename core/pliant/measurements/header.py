@@ -12,6 +12,7 @@ from typing import Literal
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.measurements.plausible import as_key
 from pliant.records.remark import detail
 from pliant.tabular.names import bare, is_counter, lines_to_write, meanings, motor_of_steps, proposed
 from pliant.tabular.schema import FRAMES, FileColumn
@@ -267,7 +268,11 @@ def _check_needed(
     has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
         line = f"join: {{file: {ANOTHER}, shift: 0 s}}"
-        join = f"; if another logger recorded the input, write '{line}' into {notes_name}."
+        run = as_key(path.stem)
+        join = (
+            f"; if another logger recorded the input, write '{line}' into {notes_name}; if nothing drove it (a free "
+            f"swing), 'runs: {{{run}: {{pressure_pa: 0}}}}' and 'let_go: {run}'."
+        )
         raise HalfError(
             f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa…, tendon_force_n or "
             f"tendon_travel_m"
