@@ -1,6 +1,6 @@
 """What any model of a bench has to beat: four baselines, each chosen on blocks of the training runs.
 
-python -m benchmarks.real.baselines [BENCH …]     prints errors on the runs that judge, by bench and output
+`python -m benchmarks.real.five` prints their errors on the runs that judge, by bench and output.
 
 1. the stated law: the study's chain with its plain law, its frame and zeros as the training runs have them;
 2. a polynomial of the inputs of the moment (total degree 1 to 3);
@@ -18,7 +18,6 @@ for every model alike; nothing else of a judged run is seen. Positions in turned
 from __future__ import annotations
 
 import itertools
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -278,16 +277,3 @@ def errors(chosen: Chosen, judged: Sequence[Series], scales: Scales) -> dict[str
     square = miss(judged, [chosen.predict(one) for one in judged], scales.per_run, None)
     sizes = np.sqrt(square) * scales.output_sd
     return dict(zip(scales.names, sizes.tolist(), strict=True))
-
-
-def main() -> None:
-    """Print the baselines of all benches, or of those that are named."""
-    from benchmarks.real import five
-
-    wanted = sys.argv[1:] or list(five.BENCHES)
-    for name in wanted:
-        five.report(five.bench_named(name))
-
-
-if __name__ == "__main__":
-    main()

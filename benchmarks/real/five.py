@@ -1,6 +1,6 @@
 """The five benches together: their names, and what is printed of each.
 
-python -m benchmarks.real.five [BENCH …] [--improve]     prints, and writes benchmarks/out/<bench>.json
+python -m benchmarks.real.five [BENCH …] [--improve] [--page]     prints, and writes benchmarks/out/<bench>.json
 
 `--improve` looks at the runs that judge once: it belongs to the end of a piece of work, not into it.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib
 import re
-import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ import numpy as np
 from benchmarks.output import parser_of, write
 from benchmarks.real import baselines
 from benchmarks.real.measured_bench import MeasuredBench, in_the_world, predictor_of
+from benchmarks.real.recordings import publish, table
 from benchmarks.real.splits import Part
 
 from pliant.config.measurements import PER_RUN
@@ -184,7 +184,43 @@ def shown(output: str, value: float) -> str:
     return f"{factor * value:.3g} {unit}"
 
 
+def page_lines(figures: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the section of the page: a row for each bench."""
+    models = ["stated law", "polynomial", "lag + polynomial", "ARX, free run", "improve"]
+    models = [model for model in models if any(model in of["overall"] for of in figures.values())]
+    rows = []
+    for name, of in figures.items():
+        known = of["overall"]
+        best = min(value for model, value in known.items() if model != "improve")
+        cells = [
+            "–"
+            if model not in known
+            else f"**{known[model]:.2f}**"
+            if known[model] == best
+            else f"{known[model]:.2f}"
+            for model in models
+        ]
+        law = ", ".join(
+            f"{output.rpartition('_')[0]} {shown(output, value)}"
+            for output, value in of["errors"]["stated law"].items()
+        )
+        rows.append([f"`{name}`", *cells, law])
+    return table(["bench", *models, "stated law, by output"], rows)
+
+
+def main() -> None:
+    """Report the benches that are named, or all; publish them."""
+    options = parser_of(__doc__)
+    options.add_argument("benches", nargs="*", metavar="BENCH", help=", ".join(BENCHES))
+    options.add_argument(
+        "--improve", action="store_true", help="improve on the training runs, and judge that too"
+    )
+    options.add_argument("--page", action="store_true", help="write the page's section too")
+    asked = options.parse_args()
+    found = {name: report(bench_named(name), asked.improve) for name in asked.benches or BENCHES}
+    if asked.page and all(found.values()):
+        publish("five", page_lines(found))
+
+
 if __name__ == "__main__":
-    chosen_benches = [name for name in sys.argv[1:] if not name.startswith("-")]
-    for wanted in chosen_benches or BENCHES:
-        report(bench_named(wanted), "--improve" in sys.argv)
+    main()

@@ -15,7 +15,7 @@ from benchmarks.real.splits import Part
 from scipy.optimize import minimize_scalar
 
 import pliant
-from pliant.config.measurements import MeasurementsConfig
+from pliant.config.measurements import UNKNOWN, MeasurementsConfig
 from pliant.evidence.alignment import Alignment, Turns, components
 from pliant.evidence.prediction import Predictor
 from pliant.measurements.files import read_measurements
@@ -113,7 +113,8 @@ def training_frame(predictor: Predictor) -> dict[str, Any]:
         )
         for name in free
     }
-    zeros = {name: float(np.nanmean(miss)) for name, miss in misses.items()}
+    called = measurement.headed  # the file's names: after an exchange of names Pliant's mean other columns there
+    zeros = {called.get(name, name): float(np.nanmean(miss)) for name, miss in misses.items()}
     return {"zero": zeros, **({"frame": {"turn": kept}} if kept else {})}
 
 
@@ -135,7 +136,8 @@ def in_the_world(measurement: Measurement, alignment: Alignment, turns: Sequence
 
 
 def _with_zeros(own: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
-    zeros = {**dict(own.get("zero", {})), **kept.get("zero", {})}
+    stated = {name: value for name, value in dict(own.get("zero", {})).items() if value != UNKNOWN}
+    zeros = {**stated, **kept.get("zero", {})}
     return {**kept, "zero": zeros}
 
 

@@ -166,3 +166,23 @@ def test_a_joint_that_is_let_go_swings_with_the_period_of_its_stiffness_and_iner
     with pytest.raises(UserError, match="first row has no reading"):
         nothing = {"angle_rad": np.full(len(time), np.nan)}
         Predictor(BENCH, ENGINE, chain, measurement_of([swing], [nothing])).predict()
+
+
+def test_a_camera_that_was_moved_has_a_turn_for_each_session() -> None:
+    truth = predictor_of(SPATIAL, blank(RUNS, TIP)).predict()
+    turns = [TURN, exp_map(np.array([[1.0, 0.4, -0.2]]))[0]]
+    seen = []
+    for run, turn in zip(truth, turns, strict=True):
+        vectors = np.stack([run[name] for name in TIP], axis=1) @ turn.T
+        seen.append(dict(zip(TIP, vectors.T, strict=True)))
+    sessions = {"a*": SensorFrame(), "b*": SensorFrame()}
+    model = predictor_of(SPATIAL, measurement_of(RUNS, seen, frames=sessions))
+    for run, other in zip(model.predict(), seen, strict=True):
+        np.testing.assert_allclose(run["tip_y_m"], other["tip_y_m"], atol=1e-12)
+    for found, turn in zip(model.turns, turns, strict=True):
+        np.testing.assert_allclose(found.positions, turn, atol=1e-9)
+    assert any("6 numbers were" in said and '"b*": [' in said for said in model.remarks)
+    one = predictor_of(SPATIAL, measurement_of(RUNS, seen, frames={"*": SensorFrame()}))
+    assert np.abs(one.predict()[1]["tip_y_m"] - seen[1]["tip_y_m"]).max() > 1e-3
+    with pytest.raises(UserError, match="run 'b' fits none of the patterns"):
+        predictor_of(SPATIAL, measurement_of(RUNS, seen, frames={"a*": SensorFrame()}))
