@@ -113,7 +113,8 @@ def training_frame(predictor: Predictor) -> dict[str, Any]:
         )
         for name in free
     }
-    called = measurement.headed  # the file's names: after an exchange of names Pliant's mean other columns there
+    # by the names of the file: after an exchange of names, those of Pliant are other columns there
+    called = measurement.headed
     zeros = {called.get(name, name): float(np.nanmean(miss)) for name, miss in misses.items()}
     return {"zero": zeros, **({"frame": {"turn": kept}} if kept else {})}
 
