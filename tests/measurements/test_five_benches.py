@@ -139,6 +139,20 @@ def test_each_cycle_may_be_a_run_so_that_steps_are_repeats(read):
     assert max(np.ptp(run.history.time_s) for run in found.runs[1:-1]) < 14.3  # 140 samples, to two of them
 
 
+def test_steps_between_two_levels_above_the_first_value(read):
+    """Steps of 5 and 10 psi from a start at 1.5: the return to 5 is no return below a quarter of the range."""
+    levels = [1.5, *[5.0, 10.0] * 4, 5.0]
+    rows = "".join(f"{k},{levels[k // 20]},{levels[k // 20]}\n" for k in range(20 * len(levels)))
+    text = f"time_s,pressure_psi,angle_deg\n{rows}"
+    assert len(read(text, "cycles: new run\n").runs) == 1
+    found = read(text, "cycles: {of: pressure_psi, low: 6 psi, high: 9 psi}\n")
+    assert [len(run) for run in found.runs] == [60 - 1 + 20, 40, 40, 41]
+    with pytest.raises(UserError, match="'cycles' are of 'pressur_psi', which is no input; did you mean"):
+        read(text, "cycles: {of: pressur_psi, low: 6 psi, high: 9 psi}\n")
+    with pytest.raises(UserError, match="'low' should be below 'high'"):
+        read(text, "cycles: {of: pressure_pa, low: 9 psi, high: 6 psi}\n")
+
+
 def test_a_zero_of_each_run_is_no_noise_between_repeats(read):
     text = "run,time_s,pressure_pa,angle_rad\n"
     rng = np.random.default_rng(1)

@@ -109,6 +109,14 @@ def _as_entries(value: Any) -> Any:
     return {name: {} for name in names} if isinstance(names, list | tuple) else value
 
 
+class CycleLevelsConfig(FrozenModel):
+    """A cycle of one input, each of which becomes a run: a rise above `high` after a return below `low`."""
+
+    of: Name = Field(description="the input, by the file's name or Pliant's")
+    low: float | str = Field(description="with its unit")
+    high: float | str = Field(description="with its unit, above `low`")
+
+
 class LetGoConfig(FrozenModel):
     """How a run begins that is held away from rest by its end, and let go."""
 
@@ -198,9 +206,10 @@ class MeasurementNotes(ColumnNotes):
         description="what a file does not say of its runs, by run: inputs, loads, conditions and specimen, e.g. "
         "{tracking_4: {payload: 200 g}}; the file's own columns come first",
     )
-    cycles: Literal["new run"] | None = Field(
+    cycles: Literal["new run"] | CycleLevelsConfig | None = Field(
         None,
-        description="new run: each cycle of the actuation becomes a run, so that steps with repeats are repeats",
+        description="new run: each cycle of the actuation becomes a run, so that steps with repeats are repeats; or "
+        "the levels between which an input steps, {of: pressure_1_psi, low: 6 psi, high: 9 psi}",
     )
     let_go: Annotated[dict[Name, LetGoConfig], BeforeValidator(_as_entries)] = Field(
         default_factory=dict,

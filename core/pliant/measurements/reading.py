@@ -38,7 +38,7 @@ from pliant.tabular.cells import lines_text
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
 from pliant.tabular.schema import FileColumn, noted
 from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import stem
+from pliant.tabular.units import stem, value_of
 from pliant.units import UnitError, parse_quantity
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
@@ -50,6 +50,7 @@ NOISE_RANGE = 9.0  # standard deviations of its noise within which an idle gauge
 ENOUGH = 50  # samples that tell the noise of an input from its signal
 VALLEY = 5.0  # standard deviations of noise above the lowest sample of a valley that are still its floor
 AT_REST = 0.05  # of the range above the lowest point: still waiting
+Levels = tuple[str, float, float]
 # Remarks on a file by itself, which files that are read together do not deserve.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
 NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
@@ -114,8 +115,12 @@ def read_measurement(
     said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
     ranges = spans([run.history for run in runs])
+    levels = _levels(notes, notes_name, header)
     runs = [  # cycles are counted where the file does not give all of a run's
-        replace(run, cycle=cycles(run.history, ranges)) if np.isnan(run.cycle).any() else run for run in runs
+        replace(run, cycle=cycles(run.history, ranges, levels))
+        if levels is not None or np.isnan(run.cycle).any()
+        else run
+        for run in runs
     ]
     if notes.cycles is not None:
         runs = [part for run in runs for part in _by_cycle(run)]
@@ -405,7 +410,26 @@ def _doubts(
     return doubts + sensor_doubts(runs, columns, notes_name)
 
 
-def cycles(history: History, ranges: Mapping[str, float]) -> Array:
+def _levels(notes: MeasurementNotes, notes_name: str, header: Header) -> Levels | None:
+    """Return the levels between which the notes say that an input steps, SI; None where they say none."""
+    stated = notes.cycles
+    if stated is None or isinstance(stated, str):
+        return None
+    inputs = [column for column in header.every if column.role == "input"]
+    for column in inputs:
+        if stated.of in (column.written, stem(column.written), column.name):
+            where = f"{notes_name}: 'cycles'"
+            low, high = (value_of(one, column.unit, where) for one in (stated.low, stated.high))
+            if not low < high:
+                raise UserError(f"{where}: 'low' should be below 'high'.")
+            return column.name, low, high
+    names = [column.written for column in inputs]
+    raise UserError(
+        f"{notes_name}: 'cycles' are of '{stated.of}', which is no input{closest(stated.of, names)}"
+    )
+
+
+def cycles(history: History, ranges: Mapping[str, float], levels: Levels | None = None) -> Array:
     """(t,) the cycle of each sample, from 1.
 
     A cycle is a rise of the actuation (the largest of all inputs, each from its lowest value in the run and over its
@@ -417,7 +441,13 @@ def cycles(history: History, ranges: Mapping[str, float]) -> Array:
     Args:
         history: the run.
         ranges: range of each input over all runs; a run that moves less than a tenth of it has one cycle.
+        levels: an input with the values below which it has returned and above which it is loaded, instead.
     """
+    if levels is not None:
+        signal = np.asarray(history.actuation[levels[0]], float)
+        low, width = float(signal.min()), max(float(np.ptp(signal)), 1e-300)
+        returned, loaded = ((level - low) / width for level in levels[1:])
+        return _risen(history, (signal - low) / width, returned, loaded)
     signal = np.zeros(len(history))
     for name, values in history.actuation.items():
         alike = max(width for other, width in ranges.items() if unit_of(other) == unit_of(name))
@@ -425,20 +455,26 @@ def cycles(history: History, ranges: Mapping[str, float]) -> Array:
         if np.ptp(values) > SMALLEST * alike and not idle:
             size = np.abs(values)
             signal = np.maximum(signal, (size - size.min()) / ranges[name])
-    number = np.ones(len(history), int)
     if np.ptp(signal) < SMALLEST:
-        return number
-    height = (signal - signal.min()) / np.ptp(signal)
-    state = np.where(height > LOADED, 1, np.where(height < RETURNED, -1, 0))
+        return np.ones(len(history), int)
+    return _risen(history, (signal - signal.min()) / np.ptp(signal), RETURNED, LOADED)
+
+
+def _risen(history: History, height: Array, returned: float, loaded: float) -> Array:
+    """Return (t,) how often a height in [0, 1] has risen above `loaded` after a return below `returned`, from 1."""
+    number = np.ones(len(height), int)
+    state = np.where(height > loaded, 1, np.where(height < returned, -1, 0))
     marked = np.flatnonzero(state)
+    if not len(marked):
+        return number
     turns = marked[1:][np.diff(state[marked]) > 0]  # first samples that are loaded again
     if state[marked[0]] < 0:
         turns = turns[1:]  # the first rise belongs to cycle 1
     rest = AT_REST + VALLEY * _noise_of(history, height)
     for turn in turns:  # from the last sample before the rise that is still as low as the valley
-        first = int(np.flatnonzero(height[:turn] > LOADED)[-1]) + 1
+        first = int(np.flatnonzero(height[:turn] > loaded)[-1]) + 1
         valley = height[first:turn]
-        low = valley <= min(float(valley.min()) + rest, RETURNED)
+        low = valley <= min(float(valley.min()) + rest, returned)
         number[first + int(np.flatnonzero(low)[-1]) :] += 1
     return number
 
