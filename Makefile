@@ -108,6 +108,7 @@ bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; ha
 	$(BIN)/python -m benchmarks.real.tentacle
 	$(BIN)/python -m benchmarks.real.elastomer
 	$(BIN)/python -m benchmarks.real.grasp_counts
+	$(BIN)/python -m benchmarks.real.five
 
 bench-files: $(VENV)/.run  ## recordings of millions of rows: seconds and memory; a minute or two
 	$(BIN)/python -m benchmarks.large_files

@@ -59,6 +59,7 @@ DISPLAY = {
     "m/s^2": Unit("m/s²"),
     "strain": Unit("%", 100.0),
     "degC": Unit("°C"),
+    "m^-1": Unit("1/m"),
     "K^-1": Unit("% per K", 100.0),
     "dimensionless": Unit(""),
     "1": Unit(""),

@@ -20,6 +20,7 @@ UNIT_SUFFIXES = {
     "_kg_m3": "kg/m^3",
     "_m_s2": "m/s^2",
     "_n_m": "N*m",
+    "_1_per_m": "m^-1",
     "_m": "m",
     "_pa": "Pa",
     "_kg": "kg",
@@ -38,6 +39,7 @@ EXAMPLES = {
     "kg/m^3": "1150 kg/m^3",
     "m/s^2": "9.81 m/s^2",
     "Hz": "25 Hz",
+    "m^-1": "2.5 m^-1",
     "dimensionless": "0.49",
 }
 NAMES = {
@@ -51,6 +53,7 @@ NAMES = {
     "kg/m^3": "a density",
     "m/s^2": "an acceleration",
     "Hz": "a rate",
+    "m^-1": "a curvature",
     "dimensionless": "a pure number",
 }
 
@@ -71,6 +74,7 @@ COMMON = {
     "kg/m^3": {"kg/m^3": 1.0},
     "m/s^2": {"m/s^2": 1.0},
     "Hz": {"Hz": 1.0},
+    "m^-1": {"m^-1": 1.0},
     "dimensionless": {"%": 1e-2},
 }
 WITHOUT_DIMENSION = {"rad", "dimensionless"}

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.real import elastomer, recordings, tentacle, two_bellow
+from benchmarks.real import baselines, elastomer, five, recordings, splits, tentacle, two_bellow
 from benchmarks.real.held_out import held_out
+from benchmarks.real.measured_bench import MeasuredBench, predictor_of
 from benchmarks.real.static_laws import FOLDS, chosen, folds, static_laws
 
 import pliant
@@ -108,3 +109,111 @@ def test_the_runs_of_the_two_bellow_bench(tmp_path: Path) -> None:
     repeat = two_bellow.repeat_of(runs["7V"], runs["7V_again"])
     assert 0.0 < repeat.moved < repeat.by_clock < 0.03
     assert abs(repeat.shift_s) < 1.0
+
+
+def test_splits_are_the_draw() -> None:
+    """What judges was drawn from names; benches with one file of a kind are split by their clock."""
+    for bench, (groups, each) in splits.draws().items():
+        judged = {one.run for one in splits.stretches(bench, "judge")}
+        assert judged == set(held_out(groups, each))
+        assert {one.run for one in splits.stretches(bench, "train")} == {
+            n for g in groups for n in g
+        } - judged
+    assert set(splits.draws()) == {"soft_arm", "coiled_muscle", "silicone_beam"}
+
+
+def test_no_reading_is_in_both_parts() -> None:
+    for bench in five.BENCHES:
+        train, judge = (splits.stretches(bench, part) for part in ("train", "judge"))
+        for one in train:
+            for other in judge:
+                apart = one.end is not None and other.start is not None and one.end <= other.start
+                assert one.run != other.run or apart
+
+
+def test_a_stretch_leaves_the_rest_out() -> None:
+    clock = splits.Stretch("swing", None, 0.3)
+    assert clock.excluded() == [{"run": "swing", "start": "0.3 s"}]
+    rows = splits.Stretch("day", 800, None, rows=True)
+    assert rows.excluded() == [{"run": "day", "lines": [2, 801]}]  # line 1 is the header
+
+
+def lagging(seed: int, name: str) -> baselines.Series:
+    """A first-order lag of 2 s of a random input, squared: what the second baseline is made for."""
+    rng = np.random.default_rng(seed)
+    time = 0.1 * np.arange(600)
+    driven = np.repeat(rng.uniform(-1, 1, 30), 20)[:, None]
+    state, read = float(driven[0, 0]), []
+    for value in driven[:, 0]:
+        state += (1 - np.exp(-0.1 / 2.0)) * (value - state)
+        read.append(state + 0.5 * state**2)
+    fold = (np.arange(600) * 15 // 600) % 5
+    return baselines.Series(name, time, driven, np.array(read)[:, None], fold)
+
+
+def test_baselines_are_chosen_on_blocks_and_find_what_they_are_made_for() -> None:
+    training, other = [lagging(0, "a"), lagging(1, "b")], lagging(2, "c")
+    zero, one = np.zeros(1), np.ones(1)
+    scales = baselines.Scales(zero, one, zero, one, ("angle_rad",), (False,), True)
+    lags = [(f"{t} s, {d}", baselines.lag(t, d)) for t in (0.5, 1.0, 2.0, 4.0) for d in (1, 2)]
+    found = baselines.choose("lag", lags, training, scales)
+    assert found.order == "2.0 s, 2"
+    assert baselines.errors(found, [other], scales)["angle_rad"] < 1e-3
+    still = baselines.choose(
+        "polynomial", [(str(d), baselines.polynomial(d)) for d in (1, 2)], training, scales
+    )
+    assert baselines.errors(still, [other], scales)["angle_rad"] > 0.1
+
+
+def test_an_arx_model_runs_freely() -> None:
+    """y' = 0.9 y + 0.1 u, from its first reading alone: no later reading is looked at."""
+    rng = np.random.default_rng(0)
+    driven = rng.standard_normal((400, 1))
+    read = np.zeros((400, 1))
+    for k in range(1, 400):
+        read[k] = 0.9 * read[k - 1] + 0.1 * driven[k]
+    series = baselines.Series("a", np.arange(400.0), driven, read, np.arange(400) // 80)
+    predict = baselines.arx(1, 1e-9)([series], None)
+    blinded = baselines.Series(
+        "a", series.time, driven, np.where(np.arange(400)[:, None] < 1, read, 7.0), series.fold
+    )
+    np.testing.assert_allclose(predict(blinded), read, atol=1e-6)
+
+
+def test_a_zero_of_each_run_is_taken_off_for_every_model() -> None:
+    series = lagging(0, "a")
+    off = [series.outputs + 3.0]
+    assert baselines.miss([series], off, (True,), None)[0] == pytest.approx(0.0, abs=1e-20)
+    assert baselines.miss([series], off, (False,), None)[0] == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize("name", five.BENCHES)
+def test_without_its_files_a_bench_says_so(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(recordings, "MEASURED", Path("nowhere"))
+    five.report(five.bench_named(name))
+    assert capsys.readouterr().out.startswith(f"skipped: {Path('nowhere') / name}")
+
+
+# What the law that was fitted to the training runs leaves on them, by the first output: rms, SI.
+LEFT = {
+    "soft_arm": ("tip_x_m", 4e-3, 9e-3),
+    "three_bellow_link": ("curvature_y_1_per_m", 0.05, 0.3),
+    "coiled_muscle": ("extension_m", 1e-3, 4e-3),
+    "cable_arm": ("tip_x_m", 2e-3, 5e-3),
+    "silicone_beam": ("marker_1_x_m", 1e-3, 3e-3),
+}
+
+
+@pytest.mark.parametrize("name", five.BENCHES)
+def test_a_bench_is_read_and_compared_as_its_logger_wrote_it(name: str, tmp_path: Path) -> None:
+    bench: MeasuredBench = five.bench_named(name)
+    absent = [path for path in bench.files() if not path.is_file()]
+    if absent:
+        pytest.skip(f"{absent[0]} is not here")
+    study = bench.study(tmp_path)
+    found = study.compare().record
+    output, low, high = LEFT[name]
+    assert low < found.outputs[output].rmse < high
+    assert any("fitted to the readings" in said for said in predictor_of(study).remarks)

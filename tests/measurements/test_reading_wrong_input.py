@@ -89,7 +89,10 @@ def test_one_endless_line(complaint, monkeypatch):
         ),
         ("rename: {angle_rad: angel_rad}\n", "not a column of a measurement; did you mean 'angle_rad'?"),
         ("units: {presure_pa: kPa}\n", "did you mean 'pressure_pa'?"),
-        ("units: {pressure_pa: mm}\n", "column 'pressure_pa': '1 mm' is a length; it needs a pressure"),
+        (
+            "units: {pressure_pa: mm}\n",
+            "column 'pressure_pa': the unit 'mm' is a length; it needs a pressure",
+        ),
         ("units: {run: mm}\n", "column 'run' has no unit"),
         ("sigma: {angle: 1 deg}\n", "'sigma' has 'angle', which is not an output; did you mean 'angle_rad'?"),
         ("sigma: {angle_rad: -1}\n", "sigma of 'angle_rad' is -1.0; it should be above 0"),

@@ -104,6 +104,11 @@ def law_of_runs(
 def stated_coefficients(config: SurrogateConfig | None) -> dict[str, float]:
     """By name; raises `UserError` for a law that does not state any."""
     coefficients = getattr(config, "coefficients", None)
+    if coefficients is None and getattr(config, "axes", None):
+        raise UserError(
+            "The laws of joints with several axes are not fitted to runs: state a law of one axis, or fit "
+            "'actuation_gain' and 'stiffness' by 'pliant extend'."
+        )
     if coefficients is None:
         raise UserError(
             "Only a law that is stated by its coefficients is fitted to runs: give "

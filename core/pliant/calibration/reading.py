@@ -36,7 +36,7 @@ from pliant.tabular.schema import (
     read_columns,
     stamped,
 )
-from pliant.tabular.units import stem
+from pliant.tabular.units import fits, stem, unit_at_the_end, unit_in
 
 ADVICE = "correct the file"
 LARGEST_STRAIN = 20.0
@@ -290,9 +290,27 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     )
 
 
+def _check_tester(path: Path, header: Sequence[str], columns: dict[str, FileColumn]) -> None:
+    """Raise `UserError` for a tester's export of loads and extensions, which say nothing without the strip's sizes."""
+    loads = [name for name in header if name and _has_unit(name, "N")]
+    known = {"stretch", "strain", "nominal_stress_pa", "pressure_pa", "angle_rad", "tendon_force_n"}
+    if loads and "extension_m" in columns and not known & set(columns):
+        raise UserError(
+            f"{path}: '{loads[0]}' is a load and '{columns['extension_m'].written}' an extension, as a tester exports "
+            "them. A tensile test needs columns stretch = 1 + extension / gauge length and nominal_stress_pa = load / "
+            "area of the section at rest: write these, with the gauge length and the area of your strip."
+        )
+
+
+def _has_unit(name: str, unit: str) -> bool:
+    written = unit_in(name) or unit_at_the_end(name)
+    return written is not None and fits(written, unit)
+
+
 def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], test: str | None) -> Kind:
     if test is not None:
         return "free" if test == "free" else "tensile"
+    _check_tester(path, header, columns)
     for place in (1, 0):  # what was measured says more than what was set
         for kind, columns_of_kind in OF_KIND.items():
             if set(columns) & set(columns_of_kind[place]):

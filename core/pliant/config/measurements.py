@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from pliant.config.chain import Count
 from pliant.interfaces.base import FrozenModel
-from pliant.units import Frequency, Length, Ratio, Time
+from pliant.units import Angle, Frequency, Length, Ratio, Time
 
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
@@ -99,6 +99,46 @@ class JoinedFile(FrozenModel):
     )
 
 
+UNKNOWN = "unknown"
+PER_RUN = "per run"
+
+
+def _as_entries(value: Any) -> Any:
+    """A name, or a list of names, stands for entries without keys."""
+    names = _as_list(value)
+    return {name: {} for name in names} if isinstance(names, list | tuple) else value
+
+
+class CycleLevelsConfig(FrozenModel):
+    """A cycle of one input, each of which becomes a run: a rise above `high` after a return below `low`."""
+
+    of: Name = Field(description="the input, by the file's name or Pliant's")
+    low: float | str = Field(description="with its unit")
+    high: float | str = Field(description="with its unit, above `low`")
+
+
+class LetGoConfig(FrozenModel):
+    """How a run begins that is held away from rest by its end, and let go."""
+
+    at_s: Time | None = Field(None, description="held up to this time_s; up to the first sample by default")
+    bend_rad: Angle | None = Field(
+        None, description="where it was held, about the main axis; as the first reading of a bend by default"
+    )
+
+
+Turn = Literal["unknown"] | tuple[Ratio, Ratio, Ratio, Ratio] | Angle
+
+
+class SensorFrameConfig(FrozenModel):
+    """The frame in which a camera or a pair of bend sensors reads, seen from the world or from the module."""
+
+    turn: Turn | dict[Name, Turn] = Field(
+        description="unknown: estimated from the readings; of positions a quaternion w, x, y, z that takes world "
+        "vectors to the camera's; of pairs of bends or curvatures an angle about the chain axis, e.g. 30 deg; or one "
+        "of these by pattern of the runs' names, where the camera was moved between sessions"
+    )
+
+
 class ColumnNotes(FrozenModel):
     """What any table may leave unsaid of its columns, in a YAML file of the same stem beside it."""
 
@@ -155,7 +195,26 @@ class MeasurementNotes(ColumnNotes):
     )
     zero: dict[Name, float | str] = Field(
         default_factory=dict,
-        description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}",
+        description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}; of readings also 'unknown', "
+        "'per run': the offset of all runs, or of each, that fits best",
+    )
+    frame: SensorFrameConfig | None = Field(
+        None, description="the frame of a camera or of a pair of bend sensors, where it is turned"
+    )
+    runs: dict[Name, dict[Name, float | str]] = Field(
+        default_factory=dict,
+        description="what a file does not say of its runs, by run: inputs, loads, conditions and specimen, e.g. "
+        "{tracking_4: {payload: 200 g}}; the file's own columns come first",
+    )
+    cycles: Literal["new run"] | CycleLevelsConfig | None = Field(
+        None,
+        description="new run: each cycle of the actuation becomes a run, so that steps with repeats are repeats; or "
+        "the levels between which an input steps, {of: pressure_1_psi, low: 6 psi, high: 9 psi}",
+    )
+    let_go: Annotated[dict[Name, LetGoConfig], BeforeValidator(_as_entries)] = Field(
+        default_factory=dict,
+        description="runs that begin held away from rest and are let go: free swings, e.g. {swing: {at: 0.4 s, bend: 0 "
+        "deg}}; a name or a list of names where the first reading of a bend says from where",
     )
 
 

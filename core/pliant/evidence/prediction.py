@@ -14,6 +14,8 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
+from pliant.evidence.alignment import Alignment, Turns, components
+from pliant.evidence.release import first_bend, released
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.beginnings import led_in
@@ -29,7 +31,10 @@ from pliant.records.history import Followed, History, held, run_by_run
 from pliant.records.measurement import Measurement
 from pliant.tabular.opening import is_frame
 
-JOINT_ANGLE = re.compile(r"joint_(\d+)_angle_rad")
+JOINT_ANGLE = re.compile(r"joint_(\d+)_angle(?:_([yz]))?_rad")
+# Of the whole chain: the sum of its joints' coordinates about one axis, over its length for curvatures.
+BEND = re.compile(r"(angle|curvature)(?:_([yz]))?_(?:rad|1_per_m)")
+TRAVELS = ("elongation_strain", "extension_m")
 POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
 # A marker may be said to sit this share of the length outside the chain.
 BEYOND = 0.05
@@ -71,6 +76,8 @@ class Predictor:
         self._geometry = ChainGeometry.of(self._base.chain)
         self.parts = 1
         self._histories = led_in([run.history for run in measurement.runs])
+        self._alignment = Alignment.of(measurement)
+        self._turns: tuple[Turns, ...] | None = None
         self._finer: dict[int, Sequence[History]] = {}
         length = float(self._arms()[-1])
         for number, arm in enumerate(measurement.marker_arms_m, start=1):
@@ -83,8 +90,10 @@ class Predictor:
             bench.progress.note(sentence)
         self.outputs, self.missing = self._readable(measurement.outputs)
         if not self.outputs:
-            angles = ["angle_rad", "joint_1_angle_rad…"]
-            offered = ["elongation_strain"] if self._geometry.kind == "prismatic" else angles
+            angles = ["angle_rad", "curvature_1_per_m", "joint_1_angle_rad…"]
+            if self._geometry.turns and len(self._geometry.axes) > 1:
+                angles += ["angle_y_rad, angle_z_rad", "curvature_y_1_per_m, curvature_z_1_per_m"]
+            offered = [*TRAVELS] if self._geometry.kind == "prismatic" else angles
             offered += ["tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
             raise UserError(
                 f"{measurement.source}: the model has none of the measured outputs "
@@ -115,6 +124,9 @@ class Predictor:
         other = copy.copy(self)
         other.measurement, other.parts = measurement, 1
         other._histories = led_in([run.history for run in measurement.runs])
+        other._alignment = Alignment.of(measurement)
+        if not other._alignment.has_readings:
+            other._alignment = self._alignment.frozen(self.turns, measurement)
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
 
@@ -169,8 +181,27 @@ class Predictor:
 
     @property
     def remarks(self) -> list[str]:
-        """What was measured and the model does not have, in a sentence."""
-        return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
+        """What was measured and the model does not have, and what of the sensors was fitted, in sentences."""
+        said = [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
+        return said if self._alignment.idle else [*said, *self._alignment.sentences(self.turns)]
+
+    @property
+    def turns(self) -> tuple[Turns, ...]:
+        """The turns of the sensors' frames that fit the study's own model best, by session."""
+        if self._turns is None:
+            sessions = self._alignment.sessions
+            estimated = any(session.fixed is None for session in sessions)
+            self._turns = self._alignment.turns(
+                self.unaligned() if estimated else [{}] * len(self._histories)
+            )
+        return self._turns
+
+    def unaligned(self) -> tuple[RunReadings, ...]:
+        """Predictions of the study's own model in the world's and the module's frames."""
+        model = self._changed(self._base, ())
+        driven = self._reached(model, self._histories)
+        paths, _ = self.backend.follow(model.chain, driven)
+        return self._unturned(model, paths, driven, 1)
 
     def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
         """Predicted outputs of each run, in as many steps as they need; see `Prediction`.
@@ -199,15 +230,16 @@ class Predictor:
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
         if any(map(is_held, driven)):
             return self._held(model, driven, parts)
-        reached = _reached(model, self._fine(driven, parts))
+        reached = self._reached(model, self._fine(driven, parts))
         paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
-        return Prediction(self._read(model, paths, reached, parts), failed)
+        own = driven is self._histories
+        return Prediction(self._read(model, paths, reached, parts, own=own), failed)
 
     def paths(self, effects: Sequence[EffectConfig] = ()) -> tuple[tuple[History, ...], tuple[Followed, ...]]:
         """What reaches the chain in each run, effects' input maps done, and how the chain follows."""
         model = self._changed(self._base, effects)
-        reached = tuple(model.commanded(h) for h in self._histories)
+        reached = tuple(self._reached(model, self._histories))
         return reached, self.backend.follow(model.chain, reached)[0]
 
     def vary(
@@ -234,14 +266,14 @@ class Predictor:
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
             return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
         fine = self._fine(self._histories, parts)
-        driven = tuple(_reached(model, fine))
+        driven = tuple(self._reached(model, fine))
         if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
             paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
             base = self._read(model, paths, driven, parts)
             failed = int(sum((~path.converged).sum() for path in paths))
             seen = (self._read(other, paths, driven, parts) for other in others)
             return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
-        variations = [Variation(m.chain, tuple(_reached(m, fine))) for m in others]
+        variations = [Variation(m.chain, tuple(self._reached(m, fine))) for m in others]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)
         differences = []
@@ -287,11 +319,28 @@ class Predictor:
         histories: Sequence[History],
         parts: int,
         efforts: Sequence[Array] = (),
+        own: bool = True,
     ) -> tuple[RunReadings, ...]:
         """What the sensors say at the samples of each run's path under the inputs that reach the chain.
 
-        `efforts` (t,) of each run with which a held joint pushes back.
+        `efforts` (t,) of each run with which a held joint pushes back; `own`: they are the measured runs.
         """
+        runs = self._unturned(model, paths, histories, parts, efforts)
+        if self._alignment.idle:
+            return runs
+        aligned = self._alignment if own else self._alignment.frozen(self.turns, self.measurement)
+        return tuple({name: run[name] for name in self.outputs} for run in aligned.applied(runs, own))
+
+    def _unturned(
+        self,
+        model: Model,
+        paths: Sequence[Followed],
+        histories: Sequence[History],
+        parts: int,
+        efforts: Sequence[Array] = (),
+    ) -> tuple[RunReadings, ...]:
+        """As `_read`, in the frames of the world and the module, with all components of what is turned."""
+        wanted = self._wanted()
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
@@ -299,12 +348,12 @@ class Predictor:
         of_runs |= {name: list(efforts) for name in BLOCKED.values() if efforts and name in self.outputs}
         runs, whole = [], bool(np.concatenate([path.converged for path in paths]).all())
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
-            run = {name: of_runs[name][k] for name in self.outputs}
+            run = {name: of_runs[name][k] for name in wanted}
             if model.outputs:  # maps of the readings see the clock and the actuation too
                 clock = {} if history.time_s is None else {"time_s": history.time_s}
                 pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
                 reported = model.reported({**run, **clock, "actuation": pushed})
-                run = {name: np.asarray(reported[name], float) for name in self.outputs}
+                run = {name: np.asarray(reported[name], float) for name in wanted}
             if not (whole or path.converged.all()):
                 run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
             if history.time_s is not None and parts > 1:
@@ -316,17 +365,20 @@ class Predictor:
 
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
         """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
-        angles = q[:, :, self._geometry.main]
+        angles, wanted = q[:, :, self._geometry.main], self._wanted()
         markers, turned = None, None
-        if any(POSITION.fullmatch(name) for name in self.outputs):
+        if any(POSITION.fullmatch(name) for name in wanted):
             geometry = ChainGeometry.of(model.chain)
             bases = base_rotations(geometry.base_rotation, base_angles)
             markers = trajectory(geometry, q, bases)
             turned = orientations(geometry, q, bases) if self.measurement.marker_offsets_m else None
         readings: RunReadings = {}
-        for name in self.outputs:
+        for name in wanted:
             if joint := JOINT_ANGLE.fullmatch(name):
-                readings[name] = angles[:, int(joint[1]) - 1]
+                readings[name] = self._about(q, joint[2])[:, int(joint[1]) - 1]
+            elif bend := BEND.fullmatch(name):
+                total = self._about(q, bend[2]).sum(axis=1)
+                readings[name] = total / self.chain.length_m if bend[1] == "curvature" else total
             elif position := POSITION.fullmatch(name):
                 assert markers is not None
                 place = self._marker(markers, position[2], turned)
@@ -335,9 +387,33 @@ class Predictor:
                 continue  # of the laws, not of the pose
             elif name == "elongation_strain":
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
+            elif name == "extension_m" and self._geometry.slide is not None:
+                readings[name] = q[:, :, self._geometry.slide].sum(axis=1)
             else:
                 readings[name] = angles.sum(axis=1)
         return readings
+
+    def _about(self, q: Array, axis: str | None) -> Array:
+        """(t, n) the joints' coordinates about module y or z; the main ones where no axis is named."""
+        return q[:, :, self._geometry.main if axis is None else self._geometry.axes.index(axis)]
+
+    def _wanted(self) -> tuple[str, ...]:
+        """The outputs, and with turned frames all components of those that are turned."""
+        if not self._alignment.sessions:
+            return self.outputs
+        more = (other for name in self.outputs for other in components(name))
+        return tuple(dict.fromkeys((*self.outputs, *(name for name in more if self._has(name)))))
+
+    def _reached(self, model: Model, histories: Sequence[History]) -> list[History]:
+        """What reaches the chain, and holds those that are let go at first."""
+        found = [model.commanded(history) for history in histories]
+        for k, history in enumerate(found):
+            if history.let_go is not None:
+                bend = first_bend(
+                    history.let_go, self.measurement.runs[k].outputs, self.chain.length_m, history.run
+                )
+                found[k] = released(self.backend, model.chain, history, bend, self._geometry.main)
+        return found
 
     def _marker(self, markers: Array, number: str | None, turned: Array | None) -> Array:
         """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip.
@@ -371,23 +447,24 @@ class Predictor:
     def _has(self, name: str) -> bool:
         n, prismatic = self._geometry.n_joints, self._geometry.kind == "prismatic"
         if joint := JOINT_ANGLE.fullmatch(name):
-            return not prismatic and 1 <= int(joint[1]) <= n
+            return self._turns_about(joint[2]) and 1 <= int(joint[1]) <= n
         if position := POSITION.fullmatch(name):
             markers = len(self.measurement.marker_arms_m) or n + 1
             return position[2] is None or 1 <= int(position[2]) <= markers
         if any(map(is_held, self._histories)):
             return name == BLOCKED.get(self._geometry.kind)
-        return name == ("elongation_strain" if prismatic else "angle_rad")
+        if bend := BEND.fullmatch(name):
+            return self._turns_about(bend[2])
+        return name in TRAVELS and (prismatic or (name == "extension_m" and self._geometry.slide is not None))
+
+    def _turns_about(self, axis: str | None) -> bool:
+        """Whether the joints turn, and about module y or z where one is named."""
+        return self._geometry.turns and (axis is None or axis in self._geometry.axes)
 
 
 def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
     """Readings there less those of the base, run by run."""
     return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
-
-
-def _reached(model: Model, histories: Sequence[History]) -> list[History]:
-    """What reaches the chain."""
-    return [model.commanded(history) for history in histories]
 
 
 def _fitting_parts(model: Model, parts: int) -> int:

@@ -39,6 +39,9 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
         if any(run.name in one for one in of_outputs)
     }
     for run in measurement.runs:
+        if run.history.let_go is not None:  # it is known: held there until then
+            runs.append(run)
+            continue
         unknown = unknown_states(run.history, highest)
         if run.name in settled and run.history.time_s is not None:
             unknown |= run.history.time_s < settled[run.name]
@@ -74,7 +77,7 @@ def led_in(histories: Sequence[History]) -> list[History]:
 
 def _came_from(history: History, highest: dict[str, float]) -> tuple[float, dict[str, float]] | None:
     """How long before its first sample a motion began, s, and where its inputs were; None for a run from rest."""
-    if not _begins_in_motion(history, highest):
+    if history.let_go is not None or not _begins_in_motion(history, highest):
         return None
     assert history.time_s is not None
     span = float(history.time_s[AT_ONCE] - history.time_s[0])

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from pliant.config.measurements import MeasurementNotes
+from pliant.config.measurements import PER_RUN, UNKNOWN, MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.tabular.names import meanings
 from pliant.tabular.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
@@ -24,7 +24,7 @@ KNOWN = (
     Known(r"held_elongation", "_strain", "dimensionless", "input"),
     Known(r"blocked_moment", "_n_m", "N*m", "output"),
     Known(r"blocked_force", "_n", "N", "output"),
-    Known(r"tendon_travel", "_m", "m", "output"),  # an input where the chain says so
+    Known(r"tendon_travel(_[1-9]\d*)?", "_m", "m", "output"),  # an input where the chain says so
     Known(r"moment", "_n_m", "N*m", "condition"),
     Known(r"tip_force_[xyz]", "_n", "N", "condition"),
     Known(r"payload", "_kg", "kg", "condition"),
@@ -32,11 +32,13 @@ KNOWN = (
     Known(r"temperature", "_c", "degC", "condition"),
     Known(r"base_(roll|pitch|yaw)", "_rad", "rad", "condition"),
     Known(r"cycle", "", "", "cycle"),
-    Known(r"angle", "_rad", "rad", "output"),
-    Known(r"joint_[1-9]\d*_angle", "_rad", "rad", "output"),
+    Known(r"angle(_[yz])?", "_rad", "rad", "output"),
+    Known(r"joint_[1-9]\d*_angle(_[yz])?", "_rad", "rad", "output"),
+    Known(r"curvature(_[yz])?", "_1_per_m", "m^-1", "output"),
     Known(r"tip_[xyz]", "_m", "m", "output"),
     Known(r"marker_[1-9]\d*_[xyz]", "_m", "m", "output"),
     Known(r"elongation", "_strain", "dimensionless", "output"),
+    Known(r"extension", "_m", "m", "output"),
     Known(r"successes", "", "", "count"),
     Known(r"trials", "", "", "count"),
 )
@@ -59,7 +61,8 @@ EXAMPLES = (
         "blocked_moment_n_m",
         "blocked_force_n",
     ),  # held_angle is too near to bend_angle
-    *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
+    *("elongation_strain", "extension_m", "curvature_1_per_m", "curvature_y_1_per_m", "joint_1_angle_y_rad"),
+    *("successes", "trials", "sigma_angle_rad"),
 )
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")
 
@@ -82,27 +85,42 @@ def outputs_among(names: Iterable[str]) -> list[str]:
 
 
 def match(
-    sheet: Sheet, notes: MeasurementNotes, notes_name: str, inputs: frozenset[str] = frozenset()
+    sheet: Sheet,
+    notes: MeasurementNotes,
+    notes_name: str,
+    inputs: frozenset[str] = frozenset(),
+    elsewhere: set[tuple[str, str]] | None = None,
 ) -> dict[str, FileColumn]:
-    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros."""
+    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros.
+
+    `elsewhere` takes the keys and columns of notes that this file does not have, which is an error without it.
+    """
+
+    def check(key: str, keys: Iterable[str], columns: Iterable[str]) -> None:
+        known = set(columns)
+        if elsewhere is None:
+            check_named(path, notes_name, key, keys, known)
+        else:
+            elsewhere.update((key, name) for name in keys if name not in known)
+
     path, written = sheet.path, sheet.header
     named = [*written, *map(stem, written)]
-    check_named(path, notes_name, "rename", notes.rename, named)
-    check_named(path, notes_name, "units", notes.units, [*named, *notes.rename.values()])
+    check("rename", notes.rename, named)
+    check("units", notes.units, [*named, *notes.rename.values()])
     found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
     if (
         "time_s" not in found
         and (clock := _of_labview(sheet) or _of_frames(sheet, notes, notes_name)) is not None
     ):
         found["time_s"] = clock
-    check_named(path, notes_name, "zero", notes.zero, [*named, *found])
+    check("zero", notes.zero, [*named, *found])
     return {name: with_zero(column, notes, notes_name) for name, column in found.items()}
 
 
 def with_zero(column: FileColumn, notes: MeasurementNotes, notes_name: str) -> FileColumn:
     """A column from whose numbers the zero of the notes is subtracted, where they state one."""
     zero = noted(notes.zero, column.written, stem(column.written), column.name)
-    if zero is None:
+    if zero is None or zero in (UNKNOWN, PER_RUN):
         return column
     value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
     return replace(column, shift=column.shift - value, zero=value)

@@ -34,7 +34,7 @@ JUMP, TIMES = 0.05, 5.0  # of the range, and of the usual step, by which a froze
 DRIVEN, SETTLED = 0.1, 0.05  # of an input's range: it is on; of a motion: what is left when it is over
 MOTION, FEWEST = 0.5, 4  # of an output's range, and samples, of a motion that nothing drives
 MID_MOTION = "begins in the middle of a motion"
-FROM_ZERO = re.compile(r"angle_rad|joint_\d+_angle_rad|elongation_strain")
+FROM_ZERO = re.compile(r"(joint_\d+_)?angle(_[yz])?_rad|elongation_strain")
 
 
 def sensor_doubts(runs: Sequence[MeasuredRun], columns: Mapping[str, FileColumn], notes: str) -> list[Doubt]:
@@ -155,7 +155,12 @@ def settling(runs: Sequence[MeasuredRun], output: str) -> dict[str, tuple[float,
     for run in runs:
         time, values = run.history.time_s, run.outputs[output]
         held = _held_from_the_begin(run.history, highest)
-        if time is None or held < FEWEST or not np.isfinite(values[:held]).all():
+        if (
+            time is None
+            or run.history.let_go is not None
+            or held < FEWEST
+            or not np.isfinite(values[:held]).all()
+        ):
             continue
         end = float(np.median(values[held - max(held // 4, 1) : held]))
         if abs(end - values[0]) > MOTION * span:

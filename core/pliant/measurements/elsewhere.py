@@ -1,10 +1,10 @@
-"""Columns that do not stand in the file itself: what its name says, and what another logger recorded."""
+"""Columns that do not stand in the file itself: what its name, the notes on its runs and another logger say."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from pliant.records.design import Array
 from pliant.tabular.cells import Cells
 from pliant.tabular.opening import open_sheet
 from pliant.tabular.schema import FileColumn
+from pliant.tabular.units import value_of
 
 NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
@@ -33,6 +34,8 @@ class Elsewhere:
         texts: run and specimen, where the name says them.
         columns: of numbers, SI.
         constants: value of each of the first columns.
+        stated: values of the next columns by run, SI; NaN where the notes say nothing of a run.
+        specimens: by run, where the notes on it say one.
         joined: what gives the others.
         remarks: sentences on both.
     """
@@ -40,12 +43,16 @@ class Elsewhere:
     texts: dict[str, str] = field(default_factory=dict)
     columns: tuple[FileColumn, ...] = ()
     constants: tuple[float, ...] = ()
+    stated: tuple[Mapping[str, float], ...] = ()
+    specimens: Mapping[str, str] = field(default_factory=dict)
     joined: Joined | None = None
     remarks: tuple[str, ...] = ()
 
     def values(self, times: Array | None, runs: Cells) -> list[Array]:
         """(n,) of each column at the times of some rows, SI; NaN outside the span of the joined file."""
         constants = [np.full(len(runs), value) for value in self.constants]
+        names = [run.strip() for run in runs]
+        constants += [np.array([values.get(name, np.nan) for name in names]) for values in self.stated]
         return constants + (
             self.joined.at(times, runs) if self.joined is not None and times is not None else []
         )
@@ -116,7 +123,9 @@ def elsewhere(
         said = [f"{name} '{text}'" for name, text in texts.items()]
         said += [f"{column.name} {value:g}" for column, value in constants.items()]
         remarks += [f"The file's name says {', '.join(said)}."] if said else []
-    joined, columns = None, [*constants]
+    told = {*texts, *(column.name for column in constants)}
+    stated, specimens = _of_runs(path, notes, notes_name, actuation, (own, told))
+    joined, columns = None, [*constants, *stated]
     if notes.join is not None and actuation and all(name in own for name in actuation):
         remarks.append(f"The file has all inputs itself: {notes.join.file} is not joined.")
     elif notes.join is not None:
@@ -125,7 +134,59 @@ def elsewhere(
         joined, more, remark = _joined(path, notes.join, actuation, own)
         columns += more
         remarks.append(remark)
-    return Elsewhere(texts, tuple(columns), tuple(constants.values()), joined, tuple(remarks))
+    given = tuple(stated.values())
+    values = tuple(constants.values())
+    return Elsewhere(texts, tuple(columns), values, given, specimens, joined, tuple(remarks))
+
+
+def _of_runs(
+    path: Path,
+    notes: MeasurementNotes,
+    notes_name: str,
+    actuation: Sequence[str] | None,
+    known: Sequence[Container[str]],
+) -> tuple[dict[FileColumn, dict[str, float]], dict[str, str]]:
+    """Return what the notes' `runs` say: values by column and run, SI, and specimens by run.
+
+    Columns that are `known` already come first. Raises `UserError` for what is no column, or no quantity of its kind.
+    """
+    found: dict[str, tuple[FileColumn, dict[str, float]]] = {}
+    specimens: dict[str, str] = {}
+    for run, values in notes.runs.items():
+        for written, value in values.items():
+            where = f"{notes_name}: 'runs' of '{run}'"
+            column = _column(written, value, actuation)
+            if column is None or column.role not in ("text", "input", "condition"):
+                raise UserError(
+                    f"{where} has '{written}', which is no input, load or condition{closest(written, EXAMPLES)}"
+                )
+            if any(column.name in names for names in known):
+                continue
+            if column.role == "text":
+                if column.name != "specimen":
+                    raise UserError(f"{where} has '{written}'; of texts it may say the specimen.")
+                specimens[run] = f"{value:g}" if isinstance(value, float) else str(value)
+                continue
+            number = (
+                column.scale * value + column.shift
+                if isinstance(value, int | float)
+                else value_of(value, column.unit, f"{where}, {written}")
+            )
+            found.setdefault(column.name, (column, {}))[1][run] = number
+    return {
+        replace(column, written="the notes on its run", scale=1.0, shift=0.0): values
+        for column, values in found.values()
+    }, specimens
+
+
+def _column(written: str, value: float | str, actuation: Sequence[str] | None) -> FileColumn | None:
+    """Return the column that a key of a run's notes means: "payload_g", or "payload" beside "200 g"."""
+    inputs = frozenset(actuation or ())
+    column = MEASUREMENT.column_of(written, written, None, inputs)
+    if column is None and isinstance(value, str):
+        unit = value.strip().lstrip("+-.0123456789eE ")
+        column = MEASUREMENT.column_of(written, written, unit or None, inputs)
+    return column
 
 
 def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> dict[str, FileColumn]:

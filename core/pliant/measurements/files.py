@@ -57,6 +57,7 @@ def read_measurements(
     seen: set[str] = set()
     joined = {path for source in sources if (path := _joined_by(source, stated)) is not None}
     own = [s for s in sources if is_frame(s) or s.resolve() not in joined]
+    absent: list[set[tuple[str, str]]] = [set() for _ in own]
     try:
         measurements = [
             read_measurement(
@@ -68,6 +69,7 @@ def read_measurements(
                 expected=expected,
                 progress=progress,
                 runs_seen=seen if len(own) > 1 and not exclude_from_first else None,
+                elsewhere_noted=absent[number] if len(own) > 1 else None,
             )
             for number, source in enumerate(own)
         ]
@@ -78,10 +80,26 @@ def read_measurements(
             raise UserError(
                 f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
             )
+    for key, name in sorted(set.intersection(*absent)):
+        names = sorted({heading for m in measurements for heading in m.headed.values()})
+        raise UserError(
+            f"'{key}' has '{name}', which is not a column of any of the files{closest(name, names)}"
+        )
     found = together(measurements)
+    if not exclude_from_first:
+        _check_runs(found, stated)
     if stated.name_pattern is None and (hint := _said_by_names([s for s in own if not is_frame(s)])):
         found = replace(found, remarks=(*found.remarks, hint))
     return found
+
+
+def _check_runs(measurement: Measurement, stated: MeasurementNotes) -> None:
+    """Raise `UserError` where the notes say something of a run that is not there."""
+    names = [run.name for run in measurement.runs]
+    gone = {span.run for span in stated.exclude if span.whole_run}
+    for key, name in [("let_go", one) for one in stated.let_go] + [("runs", one) for one in stated.runs]:
+        if name not in gone and not any(run == name or run.startswith(f"{name} cycle ") for run in names):
+            raise UserError(f"'{key}' names run '{name}', which is not there{closest(name, names)}")
 
 
 def _of_two_loggers(
@@ -180,6 +198,12 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
     """
     if len(measurements) == 1:
         return measurements[0]
+    remarks = _remarks(measurements)
+    measurements = [m for m in measurements if m.runs]
+    if not measurements:
+        raise UserError("no run is left of any of the files: 'exclude' leaves all of them out.")
+    if len(measurements) == 1:
+        return replace(measurements[0], remarks=remarks)
     first = measurements[0]
     inputs = set(first.runs[0].history.actuation)
     arms = {(m.marker_arms_m, m.marker_offsets_m) for m in measurements if m.marker_arms_m}
@@ -212,13 +236,15 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         tuple(runs),
         outputs,
         " + ".join(m.source for m in measurements),
-        _remarks(measurements),
+        remarks,
         next(iter(arms), ((), ()))[0],
         digest if any(m.sha256 for m in measurements) else "",
         tuple(dict.fromkeys(doubt for m in measurements for doubt in m.doubts)),
         {name: unit for m in reversed(measurements) for name, unit in m.written.items()},
         {name: heading for m in reversed(measurements) for name, heading in m.headed.items()},
         next(iter(arms), ((), ()))[1],
+        first.frames,
+        {name: zero for m in measurements for name, zero in m.free_zeros.items()},
     )
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from pliant.config.measurements import PER_RUN
 from pliant.measurements.columns import unit_of
 from pliant.measurements.effective import autocorrelation, clock_of
 from pliant.measurements.highpass import noise_variance
@@ -91,11 +92,22 @@ def noise_floors(
         scatter clearly more; else the scatter between repeats; else the noise of third differences.
     """
     groups = repeat_groups(measurement) if groups is None else groups
-    tables = [run.outputs for run in measurement.runs] if residuals is None else residuals
+    tables = _own_zeros(measurement) if residuals is None else residuals
     return {
         name: _floor(name, measurement, [table[name] for table in tables], groups)
         for name in measurement.outputs
     }
+
+
+def _own_zeros(measurement: Measurement) -> list[Mapping[str, Array]]:
+    """Return the readings of each run, its mean taken off where the zero of each run is unknown."""
+    free = [name for name, how in measurement.free_zeros.items() if how == PER_RUN]
+    tables: list[Mapping[str, Array]] = []
+    for run in measurement.runs:
+        there = {name: run.outputs[name][np.isfinite(run.outputs[name])] for name in free}
+        own = {name: run.outputs[name] - values.mean() for name, values in there.items() if len(values)}
+        tables.append({**run.outputs, **own})
+    return tables
 
 
 def floor_remarks(floors: Mapping[str, Floor]) -> tuple[str, ...]:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.measurements.plausible import as_key
 from pliant.records.remark import detail
-from pliant.tabular.names import bare, lines_to_write, meanings, proposed
+from pliant.tabular.names import bare, is_counter, lines_to_write, meanings, motor_of_steps, proposed
 from pliant.tabular.schema import FRAMES, FileColumn
 from pliant.tabular.sheet import Sheet
 from pliant.tabular.units import stem, unit_at_the_end
 
 # What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
-DRIVES = ("pressure_pa", "tendon_force_n")
+DRIVES = ("pressure_pa", "tendon_force_n", "tendon_travel_m")
 HELD = ("held_angle_rad", "held_elongation_strain")  # imposed: then no supply is needed
-READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
+READ = ("angle_rad", "elongation_strain", "extension_m", "tip_x_m", "tip_y_m", "tip_z_m")
+TRAVEL = "tendon_travel"
+TWIST = re.compile(r"curvature[ _]x\b.*|curvature[ _]x_.*", re.IGNORECASE)
+STEP = "1 mm  # <- what one step pulls in: the file does not say"
 ANOTHER = "another.csv"  # stands for a file that has not been named
 
 
@@ -58,6 +63,7 @@ def read_header(
     notes_name: str,
     actuation: Sequence[str] | None,
     given: Sequence[FileColumn] = (),
+    elsewhere: set[tuple[str, str]] | None = None,
 ) -> Header:
     """Match the header with the known columns.
 
@@ -67,16 +73,22 @@ def read_header(
         notes_name: where a user would write notes, for messages.
         actuation: names of the chain's inputs; all inputs of the file where None.
         given: columns that do not stand in the file.
+        elsewhere: takes what the notes say of columns that the file does not have: others may.
 
     Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
     """
     path, written = sheet.path, sheet.header
-    found = match(sheet, notes, notes_name, frozenset(actuation or ()))
+    found = match(sheet, notes, notes_name, frozenset(actuation or ()), elsewhere)
+    _check_twist(path, [name for name in written if name not in notes.rename], notes_name)
+    if actuation is None:
+        found, driven = _driven_by_travel(found, given)
+    else:
+        driven = []
     read = {column.written for column in found.values()}
     unknown = [name for name in written if name and name not in read]
     if "time_s" not in found:
         _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
-    remarks = _unknown_remarks(unknown, notes, notes_name)
+    remarks = [*driven, *_unknown_remarks(unknown, notes, notes_name)]
     if "" in written:
         remarks.append(detail("A column without a name is ignored."))
     numeric = [column for column in found.values() if column.role != "text"]
@@ -120,6 +132,38 @@ class HalfError(UserError):
     def __init__(self, text: str, lacks: Literal["inputs", "readings"] = "inputs") -> None:
         super().__init__(text)
         self.lacks = lacks
+
+
+def _driven_by_travel(
+    found: dict[str, FileColumn], given: Sequence[FileColumn]
+) -> tuple[dict[str, FileColumn], list[str]]:
+    """Take tendons' travels as the inputs of a file that has no other input and other readings; say so."""
+    columns = [*found.values(), *given]
+    travels = [name for name in found if name.startswith(TRAVEL)]
+    others = any(c.role == "output" and not c.name.startswith(TRAVEL) for c in columns)
+    if not travels or not others or any(column.role == "input" for column in columns):
+        return found, []
+    roles = {name: replace(found[name], role="input") for name in travels}
+    return {**found, **roles}, [
+        f"{', '.join(travels)}: taken as what drives the chain, for the file has no other input; its law then has "
+        "'actuation_name: tendon_travel_m'."
+    ]
+
+
+def _check_twist(path: Path, written: Sequence[str], notes_name: str) -> None:
+    """Raise `UserError` for a curvature about x, which in Pliant's frame is a twist: axes have to be said."""
+    for name in written:
+        if TWIST.fullmatch(name):
+            other = re.sub(r"(?i)(curvature[ _])x", r"\1y", name)
+            rename = {name: "curvature_y_1_per_m"} | (
+                {other: "curvature_z_1_per_m"} if other in written else {}
+            )
+            raise UserError(
+                f"{path}: '{name}' is a curvature about x, and here x runs along the chain; curvature_y_1_per_m and "
+                "curvature_z_1_per_m are the bends about the module's y and z over the chain's length, and "
+                "'frame: {turn: unknown}' turns the pair where the sensor's axes are not the module's."
+                f"{lines_to_write(path, notes_name, rename, {})}"
+            )
 
 
 def _check_clock(
@@ -224,9 +268,14 @@ def _check_needed(
     has = f" It has {', '.join(column.written for column in columns)}" if columns and not unknown else ""
     if inputs:
         line = f"join: {{file: {ANOTHER}, shift: 0 s}}"
-        join = f"; if another logger recorded the input, write '{line}' into {notes_name}."
+        run = as_key(path.stem)
+        join = (
+            f"; if another logger recorded the input, write '{line}' into {notes_name}; if nothing drove it (a free "
+            f"swing), 'runs: {{{run}: {{pressure_pa: 0}}}}' and 'let_go: {run}'."
+        )
         raise HalfError(
-            f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa… or tendon_force_n"
+            f"{path}: no column drives the chain; a measurement needs pressure_pa, pressure_1_pa…, tendon_force_n or "
+            f"tendon_travel_m"
             f"{of_the_file}{has + join if has else ''}{paste}",
             "inputs",
         )
@@ -253,6 +302,12 @@ def _lines(
             rename[name] = near if bare(name).lower() != stem(name).lower() or near == meant else meant
     units = {name: unit for name, unit in units.items() if rename[name] in columns}
     lacking = [group[0] for group in (inputs, outputs) if group and not set(group) & set(rename.values())]
-    free = [name for name in unknown if name not in rename]
+    if any(name in DRIVES or name.startswith(TRAVEL) for name in inputs):  # steps of motors pull tendons in
+        motors = {name: number for name in unknown if (number := motor_of_steps(name)) is not None}
+        for name, number in motors.items():
+            rename[name] = f"{TRAVEL}_{number}_m" if number else f"{TRAVEL}_m"
+            units[name] = STEP
+        lacking = [one for one in lacking if not motors or one not in inputs]
+    free = [name for name in unknown if name not in rename and not is_counter(name)]
     rename |= dict(zip(free, [name for name in lacking if name not in rename.values()], strict=False))
     return lines_to_write(path, notes_name, rename, units)

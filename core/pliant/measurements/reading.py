@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.measurements import MOST_SAMPLES, ExcludedSpan, MeasurementNotes, MeasurementsConfig
+from pliant.config.measurements import (
+    MOST_SAMPLES,
+    PER_RUN,
+    UNKNOWN,
+    ExcludedSpan,
+    LetGoConfig,
+    MeasurementNotes,
+    MeasurementsConfig,
+    SensorFrameConfig,
+)
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
@@ -18,23 +27,30 @@ from pliant.measurements.doubts import sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, elsewhere
 from pliant.measurements.gathering import Gatherer, RunRows
 from pliant.measurements.header import Header, read_header
+from pliant.measurements.highpass import noise_variance
 from pliant.measurements.notes import digest_of, notes_on
 from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
 from pliant.records.design import Array
-from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
-from pliant.records.measurement import Doubt, MeasuredRun, Measurement
+from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
+from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
 from pliant.records.remark import detail
 from pliant.tabular.cells import lines_text
 from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import FileColumn
+from pliant.tabular.schema import FileColumn, noted
 from pliant.tabular.sheet import Sheet
+from pliant.tabular.units import stem, value_of
 from pliant.units import UnitError, parse_quantity
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
 # A cycle has been above the first share of a run's own range and comes below the second.
 LOADED, RETURNED = 0.6, 0.25
+SMALLER = 0.5  # of the largest range of its unit: an input may idle
 SMALLEST = 0.1  # of the range of all runs: less than that is no cycle
+NOISE_RANGE = 9.0  # standard deviations of its noise within which an idle gauge stays
+ENOUGH = 50  # samples that tell the noise of an input from its signal
+VALLEY = 5.0  # standard deviations of noise above the lowest sample of a valley that are still its floor
 AT_REST = 0.05  # of the range above the lowest point: still waiting
+Levels = tuple[str, float, float]
 # Remarks on a file by itself, which files that are read together do not deserve.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
 NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
@@ -48,6 +64,7 @@ def read_measurement(
     expected: Mapping[str, tuple[float, float]] | None = None,
     progress: Progress | None = None,
     runs_seen: set[str] | None = None,
+    elsewhere_noted: set[tuple[str, str]] | None = None,
 ) -> Measurement:
     """Read a measurement (docs/measurement_files.md) and the YAML notes of the same stem.
 
@@ -61,6 +78,7 @@ def read_measurement(
             notice a wrong unit.
         progress: receives rows read, for files above 20 MB.
         runs_seen: takes the names of the runs; spans to exclude from others are then left to other files.
+        elsewhere_noted: takes keys and columns of notes that the file does not have; then they are left to others.
 
     Raises:
         UserError: the file cannot be read, a row or column is wrong (all such rows with their lines, 20 of them
@@ -70,11 +88,12 @@ def read_measurement(
     path = Path(FRAME if in_memory else source)
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
-        asked = notes.join is not None or notes.name_pattern is not None
-        own = set(match(sheet, notes, notes_name)) if asked else set()
+        asked = notes.join is not None or notes.name_pattern is not None or bool(notes.runs)
+        own = set(match(sheet, notes, notes_name, frozenset(), elsewhere_noted)) if asked else set()
         other = elsewhere(path, notes, notes_name, actuation, own)
         texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
-        header = read_header(sheet, notes, notes_name, actuation, [*texts, *other.columns])
+        given = [*texts, *other.columns]
+        header = read_header(sheet, notes, notes_name, actuation, given, elsewhere_noted)
         most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
         gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None)
         _gather(sheet, header, other, gatherer, progress or Silent())
@@ -86,7 +105,7 @@ def read_measurement(
     said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
     outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
     said += gatherer.condition_remarks()
-    stated = _stated(notes, notes_name, outputs)
+    stated = _stated(notes, notes_name, outputs, header)
     if notes.marker_offsets_m and len(notes.marker_offsets_m) != len(notes.markers_m):
         raise UserError(
             f"{notes_name}: 'marker_offsets' has {len(notes.marker_offsets_m)} entries and 'markers' "
@@ -96,9 +115,16 @@ def read_measurement(
     said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
     ranges = spans([run.history for run in runs])
+    levels = _levels(notes, notes_name, header)
     runs = [  # cycles are counted where the file does not give all of a run's
-        replace(run, cycle=cycles(run.history, ranges)) if np.isnan(run.cycle).any() else run for run in runs
+        replace(run, cycle=cycles(run.history, ranges, levels))
+        if levels is not None or np.isnan(run.cycle).any()
+        else run
+        for run in runs
     ]
+    if notes.cycles is not None:
+        runs = [part for run in runs for part in _by_cycle(run)]
+    runs = _let_go(runs, notes.let_go)
     spans_here = notes.exclude
     if runs_seen is not None:
         names = {run.name for run in runs}
@@ -106,6 +132,8 @@ def read_measurement(
         spans_here = tuple(span for span in notes.exclude if span.run in names)
     runs = _without_excluded(runs, spans_here, notes_name, said)
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
+    if not runs and runs_seen is not None:  # others of the files may have some
+        return Measurement((), (), path.name, tuple(said))
     if not read:
         raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
     said += [
@@ -134,7 +162,64 @@ def read_measurement(
         {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
         notes.marker_offsets_m,
+        {} if notes.frame is None else _frames(notes.frame),
+        _free_zeros(notes, notes_name, header, read),
     )
+
+
+def _frames(stated: SensorFrameConfig) -> dict[str, SensorFrame]:
+    turns = stated.turn if isinstance(stated.turn, dict) else {"*": stated.turn}
+    return {pattern: _frame(turn) for pattern, turn in turns.items()}
+
+
+def _frame(turn: Any) -> SensorFrame:
+    if isinstance(turn, tuple):
+        return SensorFrame(quaternion=turn)
+    return SensorFrame() if isinstance(turn, str) else SensorFrame(angle_rad=turn)
+
+
+def _free_zeros(
+    notes: MeasurementNotes, notes_name: str, header: Header, outputs: Sequence[str]
+) -> dict[str, str]:
+    """Return the outputs of which the notes know no zero, and whether each run has its own."""
+    free = {}
+    for column in header.columns:
+        zero = noted(notes.zero, column.written, stem(column.written), column.name)
+        if zero not in (UNKNOWN, PER_RUN):
+            continue
+        if column.role != "output":
+            raise UserError(
+                f"{notes_name}: 'zero' of '{column.written}' is '{zero}', which can be said of readings alone; give "
+                "its value."
+            )
+        if column.name in outputs:
+            free[column.name] = str(zero)
+    return free
+
+
+def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
+    """Return each cycle of a run as a run of its own, of the same specimen; a run of one cycle as it is."""
+    numbers = np.unique(run.cycle)
+    if len(numbers) < 2:
+        return [run]
+    parts = [run.at(np.flatnonzero(run.cycle == number)) for number in numbers]
+    return [
+        replace(part, history=part.history.with_(run=f"{run.name} cycle {number:g}"))
+        for number, part in zip(numbers, parts, strict=True)
+    ]
+
+
+def _let_go(runs: Sequence[MeasuredRun], stated: Mapping[str, LetGoConfig]) -> list[MeasuredRun]:
+    """Mark the runs that begin held away from rest, with the first angle read: it may be left out later."""
+    marked = []
+    for run in runs:
+        if (how := stated.get(run.name)) is not None:
+            read = [run.outputs[name][0] for name in ("angle_rad", "angle_y_rad") if name in run.outputs]
+            first = next((float(value) for value in read if np.isfinite(value)), None)
+            bend = first if how.bend_rad is None else how.bend_rad
+            run = replace(run, history=run.history.with_(let_go=LetGo(how.at_s, bend)))
+        marked.append(run)
+    return marked
 
 
 def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:
@@ -151,6 +236,10 @@ def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, 
             specimens = None if specimen is None else block.texts(specimen)
             if "specimen" in other.texts:
                 specimens = (other.texts["specimen"],) * count
+            if other.specimens:
+                before = specimens or ("",) * count
+                pairs = zip(runs, before, strict=True)
+                specimens = tuple(other.specimens.get(name.strip(), body) for name, body in pairs)
             times = None
             if clock is not None:
                 times = clock.scale * numbers[header.columns.index(clock)] + clock.shift
@@ -172,11 +261,14 @@ def _chosen(path: Path, header: Header, wanted: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(wanted)) or have
 
 
-def _stated(notes: MeasurementNotes, notes_name: str, outputs: Sequence[str]) -> dict[str, float]:
-    """Standard deviations of sensors in SI, from the notes."""
+def _stated(
+    notes: MeasurementNotes, notes_name: str, outputs: Sequence[str], header: Header
+) -> dict[str, float]:
+    """Return standard deviations of sensors in SI, from the notes, by the file's names or Pliant's."""
     stated = {}
+    called = {name: c.name for c in header.columns for name in (c.written, stem(c.written))}
     for name, value in notes.sigma.items():
-        name = name.removeprefix("sigma_")
+        name = called.get(name, name).removeprefix("sigma_")
         if not outputs_among([name]):
             raise UserError(
                 f"{notes_name}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}"
@@ -318,34 +410,84 @@ def _doubts(
     return doubts + sensor_doubts(runs, columns, notes_name)
 
 
-def cycles(history: History, ranges: Mapping[str, float]) -> Array:
+def _levels(notes: MeasurementNotes, notes_name: str, header: Header) -> Levels | None:
+    """Return the levels between which the notes say that an input steps, SI; None where they say none."""
+    stated = notes.cycles
+    if stated is None or isinstance(stated, str):
+        return None
+    inputs = [column for column in header.every if column.role == "input"]
+    for column in inputs:
+        if stated.of in (column.written, stem(column.written), column.name):
+            where = f"{notes_name}: 'cycles'"
+            low, high = (value_of(one, column.unit, where) for one in (stated.low, stated.high))
+            if not low < high:
+                raise UserError(f"{where}: 'low' should be below 'high'.")
+            return column.name, low, high
+    names = [column.written for column in inputs]
+    raise UserError(
+        f"{notes_name}: 'cycles' are of '{stated.of}', which is no input{closest(stated.of, names)}"
+    )
+
+
+def cycles(history: History, ranges: Mapping[str, float], levels: Levels | None = None) -> Array:
     """(t,) the cycle of each sample, from 1.
 
-    A cycle is a rise of the actuation (the largest of all inputs, each over its range) above 60 % of the run's range
-    after a return below 25 %: the two thresholds keep noise and small reversals from counting. The number
-    changes where the rise begins.
+    A cycle is a rise of the actuation (the largest of all inputs, each from its lowest value in the run and over its
+    range) above 60 % of the run's range after a return below 25 %: the two thresholds keep noise and small reversals
+    from counting. The number changes where the rise begins. An input that idles makes no cycle: its range in the run
+    is its own sensor's noise and below half of the largest range that an input of its unit has in any run, or below a
+    tenth of that.
 
     Args:
         history: the run.
         ranges: range of each input over all runs; a run that moves less than a tenth of it has one cycle.
+        levels: an input with the values below which it has returned and above which it is loaded, instead.
     """
+    if levels is not None:
+        signal = np.asarray(history.actuation[levels[0]], float)
+        low, width = float(signal.min()), max(float(np.ptp(signal)), 1e-300)
+        returned, loaded = ((level - low) / width for level in levels[1:])
+        return _risen(history, (signal - low) / width, returned, loaded)
     signal = np.zeros(len(history))
     for name, values in history.actuation.items():
-        signal = np.maximum(signal, np.abs(values) / ranges[name]) if ranges[name] > 0 else signal
-    number = np.ones(len(history), int)
+        alike = max(width for other, width in ranges.items() if unit_of(other) == unit_of(name))
+        idle = np.ptp(values) < SMALLER * alike and _is_noise(history, values)
+        if np.ptp(values) > SMALLEST * alike and not idle:
+            size = np.abs(values)
+            signal = np.maximum(signal, (size - size.min()) / ranges[name])
     if np.ptp(signal) < SMALLEST:
-        return number
-    height = (signal - signal.min()) / np.ptp(signal)
-    state = np.where(height > LOADED, 1, np.where(height < RETURNED, -1, 0))
+        return np.ones(len(history), int)
+    return _risen(history, (signal - signal.min()) / np.ptp(signal), RETURNED, LOADED)
+
+
+def _risen(history: History, height: Array, returned: float, loaded: float) -> Array:
+    """Return (t,) how often a height in [0, 1] has risen above `loaded` after a return below `returned`, from 1."""
+    number = np.ones(len(height), int)
+    state = np.where(height > loaded, 1, np.where(height < returned, -1, 0))
     marked = np.flatnonzero(state)
+    if not len(marked):
+        return number
     turns = marked[1:][np.diff(state[marked]) > 0]  # first samples that are loaded again
     if state[marked[0]] < 0:
         turns = turns[1:]  # the first rise belongs to cycle 1
+    rest = AT_REST + VALLEY * _noise_of(history, height)
     for turn in turns:  # from the last sample before the rise that is still as low as the valley
-        first = int(np.flatnonzero(height[:turn] > LOADED)[-1]) + 1
+        first = int(np.flatnonzero(height[:turn] > loaded)[-1]) + 1
         valley = height[first:turn]
-        number[first + int(np.flatnonzero(valley <= valley.min() + AT_REST)[-1]) :] += 1
+        low = valley <= min(float(valley.min()) + rest, returned)
+        number[first + int(np.flatnonzero(low)[-1]) :] += 1
     return number
+
+
+def _is_noise(history: History, values: Array) -> bool:
+    """Return whether all that an input does in a run is the noise of its gauge."""
+    return bool(np.ptp(values) < NOISE_RANGE * _noise_of(history, values))
+
+
+def _noise_of(history: History, values: Array) -> float:
+    """Return the standard deviation of fast noise; 0 where there are too few samples to tell it from a signal."""
+    clock = np.arange(len(values), dtype=float) if history.time_s is None else history.time_s
+    return float(np.sqrt(noise_variance(clock, values)[0])) if len(values) >= ENOUGH else 0.0
 
 
 def spans(histories: Sequence[History]) -> dict[str, float]:

@@ -165,7 +165,14 @@ def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
 
 def _family(name: str) -> str:
     """Signals that share a span: all pressures, all tendon forces, all forces at the tip."""
-    return next((kind for kind in ("pressure", "tendon_force", "tip_force") if name.startswith(kind)), name)
+    return next(
+        (
+            kind
+            for kind in ("pressure", "tendon_force", "tendon_travel", "tip_force")
+            if name.startswith(kind)
+        ),
+        name,
+    )
 
 
 def _same(a: _Driven, b: _Driven, tolerances: dict[str, float]) -> bool:

@@ -16,6 +16,8 @@ from pliant.units import split_unit
 SYMBOLS = {
     "deg": "°",
     "degC": "°C",
+    "m^-1": "1/m",
+    "mm^-1": "1/mm",
     "um": "µm",
     "us": "µs",
     "percent": "%",
@@ -34,7 +36,7 @@ def units_as_written(measurement: Measurement) -> Mapping[str, Unit]:
     for name, text in measurement.written.items():
         if name.startswith("sigma_") or not (si := unit_of(name)) or not _said(measurement, name, text, si):
             continue
-        if not fits(text, si):  # a clock of dates, or of frames
+        if not fits(text, si) or text[:1].isdigit():  # a clock of dates or frames; steps of a motor
             continue
         scale, shift = conversion(text, si, f"column '{name}'")
         if shift or not scale > 0:

@@ -290,11 +290,6 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
     if built.parts.max() > 1:
         # Results of before, which counted it once for each actuator, are no results of this chain.
         config["elasticity"] = "once"
-        bench.progress.note(
-            f"chain.actuators: {built.parts.max()} act on each joint, and its law's elasticity counts once. Before it "
-            "counted once for each actuator, so that results of this chain change; a stated law whose m_e and b_e were "
-            "one chamber's share now takes those of the whole joint."
-        )
     return ChainSource(built, config, inputs, components)
 
 

@@ -74,7 +74,8 @@ def _of_laws(laws: Sequence[JointLaw], given: tuple[Actuator, ...], where: str) 
     for actuator in given:
         if kind_of(actuator.input) != kind_of(law.actuation_name):
             raise UserError(
-                f"{where} names '{actuator.input}', but the chain's law takes {law.actuation_name}"
+                f"{where} names '{actuator.input}', but the chain's law takes {law.actuation_name}; a law that is "
+                f"stated says what it takes by 'actuation_name: {kind_of(actuator.input).name}' in 'surrogate'."
             )
         if actuator.rotation_rad and len(law.axes) != 3:
             raise UserError(

@@ -65,6 +65,8 @@ _KINDS = {
     for kind in (
         ActuationKind("pressure", "_pa", "Pa", "volume_change_m3", "pressure", "pressure_max_pa"),
         ActuationKind("tendon_force", "_n", "N", "tendon_travel_m", "tendon force", "tendon_force_max_n"),
+        # Its conjugate is the tension: a joint that a motor drives by position, the tendon's give in the law.
+        ActuationKind("tendon_travel", "_m", "m", "tendon_tension_n", "tendon travel"),
     )
 }
 
@@ -108,6 +110,16 @@ def is_known(name: str) -> bool:
 def is_travel(name: str) -> bool:
     """Whether a name is of what a known kind works on."""
     return any(kind.matches_travel(name) for kind in _KINDS.values())
+
+
+def driving(names: Iterable[str]) -> list[str]:
+    """Return the inputs among the columns of a table, without what another input there does work on.
+
+    Beside `tendon_force_n` a `tendon_travel_m` is what the tendon has moved; alone it drives.
+    """
+    known = [name for name in names if is_known(name)]
+    worked_on = {kind_of(name).travel_of(name) for name in known}
+    return [name for name in known if name not in worked_on]
 
 
 def expected() -> str:

@@ -20,6 +20,19 @@ FORCES = ("tip_force_x_n", "tip_force_y_n", "tip_force_z_n")
 BASE = ("base_roll_rad", "base_pitch_rad", "base_yaw_rad")
 
 
+@dataclass(frozen=True)
+class LetGo:
+    """The begin of a free swing.
+
+    Attributes:
+        until_s: it is held up to this instant of the clock; None: at the first sample alone.
+        bend_rad: sum of the joints' main coordinates while it is held; None: as it was read first.
+    """
+
+    until_s: float | None = None
+    bend_rad: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class History:
     """The inputs of one run, sampled at t instants.
@@ -41,6 +54,7 @@ class History:
         valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
             commanded pressure does not reach them; None where they always are connected. A value holds for the
             step that leads to its sample.
+        let_go: it begins at rest under an end moment that holds it somewhere, and that is gone later: a free swing.
         lead: samples at its begin that were put before those that were recorded; nothing is read at them.
     """
 
@@ -55,6 +69,7 @@ class History:
     payload_kg: Array | None = None
     valve_open: Array | None = None
     lead: int = 0
+    let_go: LetGo | None = None
 
     def __len__(self) -> int:
         return len(self.moment_n_m)

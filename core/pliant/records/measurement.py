@@ -71,6 +71,23 @@ class Doubt:
     sentence: str
 
 
+@dataclass(frozen=True)
+class SensorFrame:
+    """The turn of the frame in which positions or pairs of bends are read; unknown where both are None.
+
+    Attributes:
+        quaternion: (w, x, y, z) that takes world vectors to those of the camera.
+        angle_rad: about the chain axis, from the module's y and z to the axes of a pair of bend sensors.
+    """
+
+    quaternion: tuple[float, float, float, float] | None = None
+    angle_rad: float | None = None
+
+    @property
+    def unknown(self) -> bool:
+        return self.quaternion is None and self.angle_rad is None
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """Runs with the same outputs, in the order in which they were done.
@@ -85,6 +102,9 @@ class Measurement:
             markers are the chain's own (joints 1…N, then the tip as N + 1).
         marker_offsets_m: (x, y, z) of each of them beside the centre line, in the frame of its piece; empty where all
             stand on it.
+        frames: in which positions or pairs of bends are read, by a pattern of runs' names ("*" for all); empty for the
+            world's and the module's.
+        free_zeros: outputs whose zero is unknown → "unknown" (one of all runs) or "per run".
         doubts: columns that may mean something else; `remarks` holds their sentences too.
         written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
         headed: Pliant's name of each column that was read → its heading in the file ("Druck [mbar]").
@@ -100,6 +120,8 @@ class Measurement:
     written: Mapping[str, str] = field(default_factory=dict)
     headed: Mapping[str, str] = field(default_factory=dict)
     marker_offsets_m: tuple[tuple[float, float, float], ...] = ()
+    frames: Mapping[str, SensorFrame] = field(default_factory=dict)
+    free_zeros: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:

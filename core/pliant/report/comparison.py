@@ -148,7 +148,9 @@ def comparison_document(
         stars = f"* more than noise, corrected for looking at {comparison.n_places} places"
         rows = comparison.worst[:WORST_BRIEF]
         brief.append(brief_table(PLACE_COLUMNS, rows, stars if comparison.significant else ""))
-    if bands is not None and (held := bands_words(bands, measurement, "all runs")):
+    if bands is not None and (
+        held := bands_words(bands, measurement, "all runs", comparison.rmse_over_floor)
+    ):
         brief.append(held)
     return Document(
         kind="Pliant: model against measurement",

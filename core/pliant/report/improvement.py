@@ -36,6 +36,7 @@ from pliant.report.fitted import (
     doubtful,
     errors_json,
     floors_json,
+    implausible_text,
     next_run_json,
     parameters_brief,
     parameters_json,
@@ -44,6 +45,7 @@ from pliant.report.fitted import (
 )
 from pliant.report.learned_curve import learned_json
 from pliant.report.posterior import (
+    WIDE,
     bands_json,
     bands_words,
     fitted_posterior_json,
@@ -128,7 +130,20 @@ def summary(found: Improvement) -> str:
     verb = "falls" if last.over_floor < first.over_floor else "goes"
     change = change_in_words(first, last, found.steps[-1].locked_se)
     fall = f"With {kinds} the error on {on} {verb} {change}."
-    return f"{fall} {causes(found)}".strip()
+    return " ".join(filter(None, (fall, causes(found), *doubts(found))))
+
+
+def doubts(found: Improvement) -> list[str]:
+    """Return why what was added is not the whole story: what is left, and values that no such effect has."""
+    last = found.steps[-1]
+    left = Excess(last.locked.over_floor, last.locked_se)
+    said = []
+    if left.ratio > WIDE and not left.small:
+        said.append(f"{number(left.ratio, 2)} times the noise is left: none of these is the whole story.")
+    if found.final is not None:
+        estimates = found.final.uncertainty.estimates
+        said += [implausible_text(one) for one in estimates if not (one.plausible or one.simpler)]
+    return said
 
 
 def causes(found: Improvement) -> str:
@@ -177,7 +192,7 @@ def _how_sure(found: Improvement, measurement: Measurement) -> list[str]:
     if found.final is None or found.bands is None:
         return []
     of = "runs that were put aside" if found.locked.runs else "the runs that were fitted"
-    held = bands_words(*_judged_band(found, measurement), of)
+    held = bands_words(*_judged_band(found, measurement), of, found.steps[-1].locked.over_floor)
     return [*posterior_words(found.final), *([held] if held else [])]
 
 

@@ -13,12 +13,13 @@ from pliant.diagnosis.blind import blind_directions
 from pliant.diagnosis.exploration import ENOUGH, FACTOR, OFF, Share, leaning
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.posterior import Posterior
-from pliant.formatting import listed, unit_of, whole_percent
+from pliant.formatting import listed, number, unit_of, whole_percent
 from pliant.records.measurement import Measurement
 from pliant.report.document import Column, Table, brief_table, page_table
 from pliant.units import si_unit
 
 OUTPUTS_SHOWN = 3
+WIDE = 1.5  # times the noise: an error that widens a band until it holds anything
 Shared = tuple[str, Mapping[str, Share]]  # a parameter, and its shares by output
 
 
@@ -97,15 +98,25 @@ def _unlike(found: Extension) -> str:
     )
 
 
-def bands_words(found: Bands, measurement: Measurement, of: str) -> str:
-    """How many readings lie within the band; empty where no output has one."""
+def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: float = np.nan) -> str:
+    """Return how many readings lie within the band; an empty text where no output has one.
+
+    `over_floor`: the error over its noise. Where it is clearly above it, the band is as wide as the misfit and holds
+    the readings whatever the model: that is said.
+    """
     held = found.held(measurement)
     if not held:
         return ""
     texts = [f"{whole_percent(share)} ({unit_of(name).label})" for name, share in held.items()]
     more = f", {len(texts) - OUTPUTS_SHOWN} more outputs in the report" if len(texts) > OUTPUTS_SHOWN else ""
     shown = listed(texts[:OUTPUTS_SHOWN])
-    return f"The {whole_percent(found.level)} band holds {shown} of the readings of {of}{more}."
+    band = f"The {whole_percent(found.level)} band"
+    if over_floor > WIDE:
+        return (
+            f"{band} is as wide as what the model misses, {number(over_floor, 2)} times the noise: that it holds "
+            f"{shown} of the readings of {of}{more} says nothing for the model."
+        )
+    return f"{band} holds {shown} of the readings of {of}{more}."
 
 
 def shares_brief(found: Extension) -> Table | None:

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from pliant.config.measurements import ColumnNotes, Name
 from pliant.errors import UserError
-from pliant.records.actuation import is_known, is_travel, kind_of
+from pliant.records.actuation import driving, is_known, is_travel, kind_of
 from pliant.records.design import Array
 from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointKind
 from pliant.tabular.names import bare, lines_to_write, meanings, proposed
@@ -168,7 +168,7 @@ class StateHeader:
     @property
     def inputs(self) -> list[str]:
         """The columns that drive the module, in their order."""
-        return [name for name in self.names if is_known(name)]
+        return driving(self.names)
 
     def _convert(self, path: Path, name: str, written: str, plain: str) -> None:
         key = next((key for key in (written, plain, name) if key in self.notes.units), None)

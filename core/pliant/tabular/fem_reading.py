@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError, closest
-from pliant.records.actuation import is_known, joined, kind_of
+from pliant.records.actuation import driving, joined, kind_of
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointKind
@@ -159,7 +159,7 @@ class StateTable:
     @property
     def inputs(self) -> list[str]:
         """Columns of what drives the module, in their order."""
-        return [name for name in self.cells if is_known(name)]
+        return driving(self.cells)
 
     @property
     def axes(self) -> list[str]:

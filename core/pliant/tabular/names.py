@@ -66,6 +66,7 @@ LIKELY: Mapping[str, str] = {
     "tendon_travel": r"weg|travel.*|stroke.*|hub",
     "payload": r"masse|mass|load.*|last",
     "nominal_stress": r"stress.*|sig.*|spannung.*",
+    "extension": r"displ.*|ext.*|delta_?l|elong.*|verschiebung.*",
     "time": r"t|time.*|zeit.*",
 }
 _FILLED = {
@@ -74,7 +75,26 @@ _FILLED = {
     )
     for stem, words in WORDS.items()
 }
+# Numbers of rows: never a quantity.
+COUNTER = re.compile(
+    r"(sample|row|index|idx|line|record|point|zeile|messpunkt|lfd)([ _]*(nr|no|number|id|index))?|no|nr|n|i|#"
+)
+# Commands of motors in steps or turns of an encoder, with the motor's number.
+STEPS = re.compile(
+    r"(?:motor|servo|stepper|m)[ _]*(\d*)[ _]*(?:steps?|pos(?:ition)?|counts?|ticks?|schritte)"
+)
 CLOSE = 0.7  # likeness from which on a name is a slip of the pen
+
+
+def is_counter(written: str) -> bool:
+    """Whether a name is that of a column that numbers the rows."""
+    return COUNTER.fullmatch(stem(written).strip().lower()) is not None
+
+
+def motor_of_steps(written: str) -> str | None:
+    """Return the number of the motor whose steps a column holds, "" for one without a number, or None."""
+    match = STEPS.fullmatch(stem(written).strip().lower())
+    return None if match is None else match[1]
 
 
 def meanings(name: str) -> list[str]:
@@ -152,6 +172,8 @@ def proposed(written: Sequence[str], units: Mapping[str, str]) -> tuple[dict[str
     rename: dict[str, str] = {}
     said: dict[str, str] = {}
     for name in written:
+        if is_counter(name):
+            continue
         meant = likely(name, {other: unit for other, unit in units.items() if other not in rename.values()})
         if meant:
             rename[name] = meant

@@ -148,7 +148,10 @@ class Schema:
         for written in filter(None, header):
             renamed = noted(rename, written, stem(written)) or written
             unit = noted(units, written, stem(written), renamed)
-            column = self.column_of(written, renamed, unit, inputs, written in stamped)
+            try:
+                column = self.column_of(written, renamed, unit, inputs, written in stamped)
+            except UserError as error:
+                raise UserError(f"{path}: {error}" if path.name else str(error)) from None
             if column is not None and column.stamped and column.name in found:
                 other = found[column.name]
                 if other.stamped and is_day(stamped[other.written]) != is_day(stamped[written]):

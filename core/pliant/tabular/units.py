@@ -15,12 +15,14 @@ ENDINGS = {
     **{"degree": "deg", "degrees": "deg", "grad": "grad", "in": "inch", "n": "N", "mn": "mN", "kn": "kN"},
     **{"gf": "gf", "kgf": "kgf", "nm": "N*m", "n_m": "N*m", "nmm": "N*mm", "n_mm": "N*mm", "mnm": "mN*m"},
     **{"mn_m": "mN*m", "ncm": "N*cm", "n_cm": "N*cm", "c": "degC", "k": "K", "f": "degF"},
+    **{"1_per_m": "m^-1", "1_per_mm": "mm^-1", "per_m": "m^-1", "per_mm": "mm^-1"},
     **{"degc": "degC", "degf": "degF", "percent": "percent", "pct": "percent", "strain": "dimensionless"},
 }
 # As people write units, where `pint` would read something else or nothing.
 SPELLINGS = {
     **{"°": "deg", "Grad": "deg", "degree": "deg", "degrees": "deg", "Degrees": "deg", "gon": "gradian"},
     **{"°C": "degC", "C": "degC", "°F": "degF", "%": "percent", "-": "dimensionless", "1": "dimensionless"},
+    **{"1/m": "m^-1", "1/mm": "mm^-1", "1/cm": "cm^-1", "m⁻¹": "m^-1"},
     **{"m/m": "dimensionless", "mm/mm": "dimensionless"},
     **{
         "Nm": "N*m",
@@ -93,7 +95,8 @@ def conversion(written: str, unit: str, where: str) -> tuple[float, float]:
     try:
         one, shift = (_in_unit(number, written, unit) for number in (1, 0))
     except UnitError as error:
-        raise UserError(f"{where}: {error}.") from None
+        text = str(error).replace(f"'1 {written}'", f"the unit '{written}'")
+        raise UserError(f"{where}: {text}.") from None
     return one - shift, shift
 
 
@@ -108,7 +111,10 @@ def value_of(written: str | float, unit: str, where: str) -> float:
         raise UserError(f"{where}: '{written}' is not a quantity.") from None
 
 
-def _in_unit(number: int, written: str, unit: str) -> float:
+def _in_unit(number: float, written: str, unit: str) -> float:
+    """Return a number of a written unit in SI; "0.01 mm" is a unit too, of which one step of a motor is worth."""
+    if (scaled := _NUMBER.fullmatch(written.strip())) is not None and scaled[2] and written not in SPELLINGS:
+        number, written = number * float(scaled[1]), scaled[2]
     if written == "grad":
         raise UnitError("'grad' is a degree in German and a gradian in English; write 'deg' or 'gon'")
     written = SPELLINGS.get(written, written)

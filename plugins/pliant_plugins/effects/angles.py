@@ -10,7 +10,7 @@ import numpy as np
 
 from pliant.interfaces.effect import Readings
 
-READING = re.compile(r"((bend|tip|joint_\d+)_)?angle_rad|joint_angles_rad")
+READING = re.compile(r"((bend|tip|joint_\d+)_)?angle(_[yz])?_rad|joint_angles_rad")
 
 
 def with_angles(readings: Readings, change: Callable[[Any], Any]) -> Readings:

@@ -91,7 +91,7 @@ class AxisConfig(FrozenModel):
     )
     coefficients: StudyCoefficients | None = Field(default=None, description="states a law of form study")
     domain: StatedDomain | None = Field(default=None, description="box in which the stated law holds")
-    actuation_name: Literal["pressure_pa", "tendon_force_n"] = Field(
+    actuation_name: Literal["pressure_pa", "tendon_force_n", "tendon_travel_m"] = Field(
         default="pressure_pa", description="input of a stated law"
     )
 
