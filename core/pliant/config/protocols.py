@@ -30,6 +30,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "load_steps": ("load_n_m", "hold_s", "levels"),
     "blocked": ("levels", "hold_s"),
     "vented_zero": ("hold_s",),
+    "payload_steps": ("period_s",),
     "closed_valve": ("levels", "hold_s"),
     "step_response": ("levels", "hold_s"),
     "second_sensor": _CYCLES,

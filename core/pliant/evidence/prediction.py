@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,6 +113,19 @@ class Predictor:
         other.measurement, other.parts = measurement, 1
         other._histories = led_in([run.history for run in measurement.runs])
         other.outputs, other.missing = other._readable(measurement.outputs)
+        return other
+
+    def with_engine(self, backend: PhysicsBackend) -> Predictor:
+        """The same model in another engine."""
+        other = copy.copy(self)
+        other.backend = backend
+        return other
+
+    def changed(self, change: Callable[[Model], Model]) -> Predictor:
+        """The same runs by another model, the study's effects in place."""
+        other = copy.copy(self)
+        other._base = change(self._base)
+        other._geometry = ChainGeometry.of(other._base.chain)
         return other
 
     def refined(self, parts: int) -> Predictor:

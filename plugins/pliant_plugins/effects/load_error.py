@@ -55,6 +55,4 @@ class LoadError(Effect):
 def _scaled(factor: float, history: History) -> History:
     if factor == 1.0:
         return history
-    return history.with_(
-        moment_n_m=factor * history.moment_n_m, tip_force_n=factor * history.tip_force_n
-    )
+    return history.with_(moment_n_m=factor * history.moment_n_m, tip_force_n=factor * history.tip_force_n)

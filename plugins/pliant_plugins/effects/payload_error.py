@@ -39,10 +39,10 @@ class PayloadError(Effect):
     place = "input"
     notes = EffectNotes(
         origin="bench",
-        signature="runs with a payload are off by what more or less weight would do, in proportion to the payload; runs "
-        "without one are right.",
-        on_the_bench="weigh what hung there, with its hook and cable, and correct 'payload_kg' in the recording, in its "
-        "name or in the study.",
+        signature="runs with a payload are off by what more or less weight would do, in proportion to the payload; "
+        "runs without one are right.",
+        on_the_bench="weigh what hung there, with its hook and cable, and correct 'payload_kg' in the recording, in "
+        "its name or in the study.",
         look_alike="stiffness",
         told_apart="without a payload the error of a wrong payload is gone, that of a stiffness stays; with half of it "
         "the error is half.",
