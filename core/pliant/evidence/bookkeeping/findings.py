@@ -34,6 +34,8 @@ GOOD, LOWER, LOWER_THAN_GAIN = 0.35, 0.4, 0.6
 ABOUT = 1.05
 # Of two that differ by zeros alone the one is told that needs none.
 OF_ZEROS = 0.1
+# So little is left by the right reading of a column.
+CLEAR = 0.1
 # Error on a few samples, over the least or over what is allowed, of corrections that are tried on all of them.
 NEARLY = 1.5
 # Of the largest input that the laws know, or that would turn a joint by a radian.
@@ -60,6 +62,8 @@ def find_mistakes(predictor: Predictor) -> tuple[Mistake, ...]:
     gross = _gross(model)
     if gross:  # what rests on the same columns would only repeat it
         return tuple(gross)
+    if not all(np.isfinite(values).any() for values in plain.values()):
+        return ()
     found: list[Mistake] = _loads(model, plain)
     above = _above_noise(model, plain, predictor.measurement)
     clocks = clock_mistakes(predictor) if above > ABOVE_NOISE else []
@@ -108,16 +112,17 @@ def _best(
     most = min(GOOD, LOWER * before, LOWER_THAN_GAIN * free)
     short = model.part()
     largest = _largest_factor(model)
-    tried = [
-        (error, one)
-        for one in _corrections(model)
-        if one.drive <= largest and (error := _error_of(short, [*done, one])) <= NEARLY * most
-    ]
+    every = [one for one in _corrections(model) if one.drive <= largest]
+    lead: list[Correction] = []
+    for simulated in (False, True):
+        errors = [(_error_of(short, [*done, one]), one) for one in every if one.simulated == simulated]
+        least = min((error for error, _ in errors), default=np.inf)
+        lead += [one for error, one in errors if error <= NEARLY * min(least, most)]
+        if least <= CLEAR:  # another reading of the columns is enough: nothing need be solved again
+            break
     best: tuple[Correction, float, float] | None = None
     lowest = np.inf
-    for error, one in tried:
-        if error > NEARLY * min(error for error, _ in tried):
-            continue
+    for one in lead:
         after = _error_of(model, [*done, one])
         if after <= most and ABOUT * after < lowest:
             best, lowest = (one, before, after), after

@@ -10,7 +10,7 @@ import numpy as np
 from pliant.evidence.bookkeeping.columns import headings
 from pliant.evidence.bookkeeping.mistake import Correction, Mistake, ReadingsByName
 from pliant.evidence.bookkeeping.orientation import gravity_corrections
-from pliant.evidence.bookkeeping.static_model import GAINS, StaticModel, spread_error, zeroed_error
+from pliant.evidence.bookkeeping.static_model import StaticModel, spread_error, zeroed_error
 from pliant.evidence.prediction import Predictor
 from pliant.formatting import listed, plural, unit_of
 from pliant.interfaces.effect import Model
@@ -26,11 +26,12 @@ SIGNIFICANT, FLOORS, OF_RANGE = 5.0, 1.5, 0.004
 # What no gravity explains is told from so many floors on: stiffness and friction move a loaded chain at rest, too.
 UNEXPLAINED = 3.0
 # A correction explains the rest pose when it leaves at most this share of the disagreement.
-EXPLAINED = 0.35
+EXPLAINED, WELL_EXPLAINED = 0.35, 0.12
 # It may leave the error over all readings larger than a free zero of each sensor does by this factor.
 AS_GOOD_AS_A_ZERO = 1.2
 # A disagreement is physics where weights by another factor leave at most this share of it.
 WEIGHT, BY_WEIGHT = 1.02, 0.6
+FACTORS = (0.8, 1.25)
 # Of several the first is told, unless another leaves clearly less.
 CLEARLY = 0.7
 ROUNDING = 1e-6
@@ -98,7 +99,7 @@ def _weighs_otherwise(rest: RestPose) -> bool:
     slope, error = slope[there], error[there]
     if not slope @ slope > 0.0:
         return False
-    low, high = GAINS
+    low, high = FACTORS
     left = error - np.clip(slope @ error / (slope @ slope), low - 1.0, high - 1.0) * slope
     return bool(left @ left < BY_WEIGHT**2 * (error @ error))
 
@@ -141,10 +142,13 @@ def _gravity(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> tuple
     """The gravity with which the rest pose agrees and the whole recording is about as near as with a free zero."""
     before = rest.left(rest.predicted)
     zeroed = zeroed_error(whole.readings, plain)
-    found = None
-    for correction in gravity_corrections(rest.model.predictor.chain):
+    found: tuple[Correction, float] | None = None
+    for number, correction in enumerate(gravity_corrections(rest.model.predictor.chain)):
         left = rest.left(rest.model.predict([correction]))
-        if left > EXPLAINED * before or (found is not None and left >= CLEARLY * found[1]):
+        # the first is no gravity, or the one that was forgotten; any other direction has to fit better
+        if left > (EXPLAINED if number == 0 else WELL_EXPLAINED) * before:
+            continue
+        if found is not None and left >= CLEARLY * found[1]:
             continue
         if spread_error(whole.readings, whole.predict([correction])) <= AS_GOOD_AS_A_ZERO * zeroed:
             found = correction, left
@@ -157,9 +161,10 @@ def _pairs(rest: RestPose) -> str:
     texts = []
     for name in order[:MOST_NAMED]:
         words = unit_of(name)
-        errors = [np.nanmean(rest.off[name][places]) for places in _conditions(rest.model.histories)]
-        worst = _conditions(rest.model.histories)[int(np.nanargmax(np.abs(errors)))]
-        read, said = (float(np.nanmean(v[name][worst])) for v in (rest.model.readings, rest.predicted))
+        there = np.isfinite(rest.off[name])
+        conditions = [np.array(places)[there[places]] for places in _conditions(rest.model.histories)]
+        worst = max(filter(len, conditions), key=lambda places: abs(float(np.mean(rest.off[name][places]))))
+        read, said = (float(np.mean(values[name][worst])) for values in (rest.model.readings, rest.predicted))
         said = said if abs(said) > ROUNDING * abs(read) else 0.0
         texts.append(f"{words.label} is read as {words.text(read, 3)}, the model says {words.text(said, 3)}")
     return listed(texts)
