@@ -24,7 +24,7 @@ from pliant.records.history import History
 # Runs up to which each has a mass of its own; of more, runs with the same label share one.
 MOST_GROUPS = 8
 # Masses of their own must leave at most this share of the error that the rest of the fit leaves.
-LOWER = 0.6
+LOWER = 0.55
 # A mass differs from its label by so many standard errors, this share of it, and so much at least.
 SIGNIFICANT, SHARE, LEAST_KG = 3.0, 0.08, 3e-4
 # Neighbouring readings share their error: standard errors of a fit to independent ones are so much too small.

@@ -22,11 +22,12 @@ from pliant.records.measurement import MeasuredRun, Measurement
 
 MOST_RUNS = 40
 # Readings at rest disagree when they are off by so many standard errors, by so many floors, and by so much of a range.
-SIGNIFICANT, FLOORS, OF_RANGE = 5.0, 1.5, 0.004
+SIGNIFICANT, FLOORS, OF_RANGE = 4.0, 1.5, 0.004
 # What no gravity explains is told from so many floors on: stiffness and friction move a loaded chain at rest, too.
 UNEXPLAINED = 3.0
 # A correction explains the rest pose when it leaves at most this share of the disagreement.
 EXPLAINED, WELL_EXPLAINED = 0.35, 0.12
+AS_NOISE, PARTLY = 0.7, 0.6  # or it leaves no more than noise, and clearly less than before
 # It may leave the error over all readings larger than a free zero of each sensor does by this factor.
 AS_GOOD_AS_A_ZERO = 1.2
 # A disagreement is physics where weights by another factor leave at most this share of it.
@@ -55,14 +56,15 @@ class RestPose:
     off: Mapping[str, Array]
 
     def left(self, predicted: ReadingsByName) -> float:
-        """Root mean square of read − predicted over the noise, all outputs with a known noise."""
-        rows = [
-            (self.model.readings[name] - predicted[name]) / scale
-            for name, scale in self.scales.items()
-            if scale > 0.0
-        ]
-        values = np.concatenate(rows)
-        return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else np.inf
+        """Root mean square of read − predicted over the noise: runs under the same conditions by their mean."""
+        values = []
+        for name, scale in self.scales.items():
+            error = self.model.readings[name] - predicted[name]
+            for places in _conditions(self.model.histories):
+                there = error[places][np.isfinite(error[places])]
+                if len(there) and scale > 0.0:
+                    values.append(float(np.mean(there)) / scale)
+        return float(np.sqrt(np.mean(np.square(values)))) if values else np.inf
 
 
 def rest_pose(predictor: Predictor) -> RestPose | None:
@@ -146,7 +148,10 @@ def _gravity(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> tuple
     for number, correction in enumerate(gravity_corrections(rest.model.predictor.chain)):
         left = rest.left(rest.model.predict([correction]))
         # the first is no gravity, or the one that was forgotten; any other direction has to fit better
-        if left > (EXPLAINED if number == 0 else WELL_EXPLAINED) * before:
+        if (
+            left > max((EXPLAINED if number == 0 else WELL_EXPLAINED) * before, AS_NOISE)
+            or left > PARTLY * before
+        ):
             continue
         if found is not None and left >= CLEARLY * found[1]:
             continue
