@@ -29,7 +29,7 @@ from pliant.records.measurement import Measurement
 UNLIKE = 0.35
 # A correction is told where it leaves so little of the spread, this share of the error before, and this share of what
 # a gain and a zero of each output would leave.
-GOOD, LOWER, LOWER_THAN_GAIN = 0.35, 0.4, 0.6
+GOOD, LOWER, LOWER_THAN_GAIN = 0.45, 0.4, 0.6
 # Of corrections that are about as good the first is told.
 ABOUT = 1.05
 # Of two that differ by zeros alone the one is told that needs none.
@@ -120,13 +120,15 @@ def _best(
         lead += [one for error, one in errors if error <= NEARLY * min(least, most)]
         if least <= CLEAR:  # another reading of the columns is enough: nothing need be solved again
             break
-    best: tuple[Correction, float, float] | None = None
-    lowest = np.inf
+    best, lowest = None, np.inf
     for one in lead:
-        after = _error_of(model, [*done, one])
-        if after <= most and ABOUT * after < lowest:
-            best, lowest = (one, before, after), after
-    return best
+        error = _error_of(model, [*done, one])
+        if error <= most and ABOUT * error < lowest:
+            best, lowest = one, error
+    if best is None:
+        return None
+    tried = [*done, best]
+    return best, before, zeroed_error(applied_to(model.readings, tried), model.predict(tried))
 
 
 def _corrections(model: StaticModel) -> Iterator[Correction]:
