@@ -30,23 +30,39 @@ def level(gravity: str = "") -> str:
     return STUDY.replace(HANGING, LEVEL + gravity + "}") + "measurements: {file: bench.csv}\n"
 
 
+def forgotten_gravity(folder: Path) -> None:
+    """A study without gravity beside the recording of a joint that sags."""
+    runs = [ramp(f"r{k}{again}", rate, 0.5) for k, rate in enumerate((1e3, 3e3)) for again in "ab"]
+    (folder / "bench.csv").write_text(csv(bench(folder, text=level(), runs=runs)))
+    study(folder, level(", gravity: [0, 0, 0]"))
+
+
+def first_note(out: str) -> str:
+    return next(line for line in out.splitlines() if line.strip())
+
+
 @pytest.mark.parametrize("verb", ["compare", "diagnose"])
 def test_forgotten_gravity_is_the_first_note(
     verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    runs = [ramp(f"r{k}{again}", rate, 0.5) for k, rate in enumerate((1e3, 3e3)) for again in "ab"]
-    (tmp_path / "bench.csv").write_text(csv(bench(tmp_path, text=level(), runs=runs)))
-    study(tmp_path, level(", gravity: [0, 0, 0]"))
+    forgotten_gravity(tmp_path)
     effects = ["--effect", "stiffness", "--effect", "self_contact"] if verb == "diagnose" else []
     call = called(verb, "joint.yaml", *effects, "--json", "out.json", "--out", "page").done()
-    first = next(line for line in call.out.splitlines() if line.strip())
-    assert first.startswith("note: At rest the recording and the model disagree")
+    assert first_note(call.out).startswith("note: At rest the recording and the model disagree")
     assert "settle that first" in call.out
     (found,) = json.loads((tmp_path / "out.json").read_text())["bookkeeping"]
     assert found["kind"] == "gravity" and found["where"] == ["chain.gravity"]
     assert found["error_after"] < 0.4 * found["error_before"]
     assert "gravity acts along −z, and the study has none" in (tmp_path / "page" / "report.html").read_text()
+
+
+def test_improve_says_so_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    forgotten_gravity(tmp_path)
+    call = called("improve", "joint.yaml", "--effect", "stiffness").done()
+    (noted, *_) = [line for line in call.out.splitlines() if line.startswith("note: ")]
+    assert noted.startswith("note: At rest the recording and the model disagree")
 
 
 def test_a_unit_that_the_model_settles_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

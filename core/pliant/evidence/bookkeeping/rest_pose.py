@@ -57,6 +57,11 @@ class RestPose:
 
     def left(self, predicted: ReadingsByName) -> float:
         """Root mean square of read − predicted over the noise: runs under the same conditions by their mean."""
+        values = self.errors(predicted)
+        return float(np.sqrt(np.mean(np.square(values)))) if values else np.inf
+
+    def errors(self, predicted: ReadingsByName) -> list[float]:
+        """Mean of read − predicted over the noise, of each output under each condition."""
         values = []
         for name, scale in self.scales.items():
             error = self.model.readings[name] - predicted[name]
@@ -64,7 +69,7 @@ class RestPose:
                 there = error[places][np.isfinite(error[places])]
                 if len(there) and scale > 0.0:
                     values.append(float(np.mean(there)) / scale)
-        return float(np.sqrt(np.mean(np.square(values)))) if values else np.inf
+        return values
 
 
 def rest_pose(predictor: Predictor) -> RestPose | None:
@@ -145,7 +150,10 @@ def _gravity(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> tuple
     before = rest.left(rest.predicted)
     zeroed = zeroed_error(whole.readings, plain)
     found: tuple[Correction, float] | None = None
+    several = len(rest.errors(rest.predicted)) > 1
     for number, correction in enumerate(gravity_corrections(rest.model.predictor.chain)):
+        if number and not several:  # one number can be told by some direction or other
+            break
         left = rest.left(rest.model.predict([correction]))
         # the first is no gravity, or the one that was forgotten; any other direction has to fit better
         if (
