@@ -23,7 +23,8 @@ from pliant.records.measurement import MeasuredRun, Measurement
 MOST_RUNS = 40
 # Readings at rest disagree when they are off by so many standard errors, by so many floors, and by so much of a range.
 SIGNIFICANT, FLOORS, OF_RANGE = 4.0, 1.5, 0.004
-# What no gravity explains is told from so many floors on: stiffness and friction move a loaded chain at rest, too.
+# What no gravity explains is told from so many floors on, root mean square over outputs and conditions: stiffness and
+# friction move a loaded chain at rest, too.
 UNEXPLAINED = 3.0
 # A correction explains the rest pose when it leaves at most this share of the disagreement.
 EXPLAINED, WELL_EXPLAINED = 0.35, 0.12
@@ -56,12 +57,12 @@ class RestPose:
     off: Mapping[str, Array]
 
     def left(self, predicted: ReadingsByName) -> float:
-        """Root mean square of read − predicted over the noise: runs under the same conditions by their mean."""
+        """Return the root mean square of read − predicted over the noise, like runs taken by their mean."""
         values = self.errors(predicted)
         return float(np.sqrt(np.mean(np.square(values)))) if values else np.inf
 
     def errors(self, predicted: ReadingsByName) -> list[float]:
-        """Mean of read − predicted over the noise, of each output under each condition."""
+        """Return the mean of read − predicted over the noise, of each output under each condition."""
         values = []
         for name, scale in self.scales.items():
             error = self.model.readings[name] - predicted[name]

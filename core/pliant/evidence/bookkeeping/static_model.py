@@ -44,7 +44,7 @@ class StaticModel:
 
     @staticmethod
     def of(predictor: Predictor, measurement: Measurement) -> StaticModel | None:
-        """The model under these samples; None where no installed engine finds its equilibria."""
+        """Return the model under these samples; None where no installed engine finds its equilibria."""
         engine = _engine_of_equilibria(predictor)
         if engine is None:
             return None
@@ -54,7 +54,7 @@ class StaticModel:
 
     @staticmethod
     def thinned(predictor: Predictor, most: int = MOST_SAMPLES) -> StaticModel | None:
-        """The model under about `most` samples, spread evenly over all runs."""
+        """Return the model under about `most` samples, spread evenly over all runs."""
         measurement = predictor.measurement
         stride = max(1, -(-sum(map(len, measurement.runs)) // most))
         runs, offset = [], 0
@@ -67,7 +67,7 @@ class StaticModel:
         return StaticModel.of(predictor, replace(measurement, runs=tuple(runs))) if runs else None
 
     def predict(self, corrections: Sequence[Correction] = ()) -> ReadingsByName:
-        """(N,) by output under the corrections of inputs and model; NaN where there is no equilibrium."""
+        """Return (N,) by output under the corrections of inputs and model; NaN where there is no equilibrium."""
 
         def changed(model: Model) -> Model:
             maps = tuple(one.inputs for one in corrections if one.inputs is not None)
@@ -83,7 +83,7 @@ class StaticModel:
         return {name: np.concatenate([run[name] for run in runs]) for name in self.readings}
 
     def part(self, most: int = OF_A_TRIAL) -> StaticModel:
-        """The same model under about `most` of its samples."""
+        """Return the same model under about `most` of its samples."""
         stride, first, runs = max(1, -(-sum(map(len, self.histories)) // most)), 0, []
         for run in self.measurement.runs:
             places = np.arange(-first % stride, len(run), stride)
@@ -99,7 +99,7 @@ class StaticModel:
         return [run.history for run in self.measurement.runs]
 
     def loaded(self, name: str) -> NDArray[np.bool_]:
-        """(N,) where a load (a name of `History.signals`) acts; everywhere for the empty name."""
+        """Return (N,) where a load (a name of `History.signals`) acts; everywhere for the empty name."""
         n = sum(map(len, self.histories))
         if not name:
             return np.ones(n, bool)
