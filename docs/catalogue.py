@@ -20,6 +20,9 @@ beside [effects of your own](../write_an_effect.md). The page of each has its eq
 that excites it; the dashed line is the model without it, the angle that of one joint unless the axis says otherwise
 (of eight joints for weights).
 
+Most are physics that a model may lack. Those marked *mistake of the record* are not: a payload, a load or a clock that
+was written down wrongly. A diagnosis tries them beside the others, and its advice is then to correct the file.
+
 A *strength* makes the effect vanish at its neutral value; a *shape* says when or how it acts, and its neutral value
 is a typical one. The *plausible* range holds the central 90 % of the prior: it would not surprise an expert. Bounds
 are hard; they keep out limits in which one effect becomes another (a spring that never slips is a stiffness). The *runs
@@ -44,7 +47,7 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| {_link(c.kind)} | {_place(e)} | {c.summary} | {_sentence(e.notes.on_the_bench)} "
+        f"| {_link(c.kind)} | {_place(e)} | {c.summary}{_origin(e)} | {_sentence(e.notes.on_the_bench)} "
         f"| {_link(e.notes.look_alike)} | {_runs(e)} |"
         for c, e in effects
     ]
@@ -53,6 +56,10 @@ def catalogue(components: Sequence[Component]) -> str:
         "|---|---|---|---|---|---|"
     )
     return "\n\n".join([INTRODUCTION, "\n".join([head, *rows]), *_menu(effects)]) + "\n"
+
+
+def _origin(effect: type[Effect]) -> str:
+    return " (*mistake of the record*)" if effect.notes.origin == "bench" else ""
 
 
 def facts(component: Component) -> list[str]:
@@ -73,8 +80,12 @@ def facts(component: Component) -> list[str]:
             f"**To see it:** {_sentence(notes.excited_by)}",
             *where,
         ]
+    mistake = (
+        "It is a mistake of the record, not of the physics: correct the file, and keep the model as it is."
+    )
     return [
         f"It acts {PLACES[effect.place]}.",
+        *([mistake] if notes.origin == "bench" else []),
         "\n".join([HEAD, *rows]),
         f"**What gives it away:** {_sentence(notes.signature)}",
         f"**On the bench:** {_sentence(notes.on_the_bench)}",
@@ -87,7 +98,7 @@ def facts(component: Component) -> list[str]:
 
 def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
     """What to do in each run of the default menu, and the kinds that name it."""
-    runs = timed_catalogue(BenchScale.of_chain(sample_chain(), PRESSURE_PA))
+    runs = timed_catalogue(BenchScale.of_chain(sample_chain(payload=0.01), PRESSURE_PA))
     rows = [
         f"| `{run.name}` | {run.words} | {run.needs or 'nothing more'} | "
         f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.exciting)} |"

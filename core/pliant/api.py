@@ -35,8 +35,8 @@ from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
+from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
-from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counts import CountComparison, compare_counted, counted_study
 from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
@@ -243,7 +243,7 @@ def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
 def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     """Model against measurements: `pliant compare`."""
     model = predictor(opened, data)
-    return compare_with(model.measurement, model.predict())
+    return compare_model(model)[1]
 
 
 def compare_counts(

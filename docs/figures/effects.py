@@ -259,6 +259,23 @@ def scenes() -> dict[str, Scene]:
             reads="tip_x_m",
             name="tip beside the base",
         ),
+        "payload_error": Scene(
+            [ramps((12.0, 0.0), 2.0, payload_kg=mass) for mass in (0.0, 0.01)],
+            PRESSURE,
+            "without a payload (upper curves) no error",
+            modules=8,
+            strength=1.5,
+        ),
+        "load_error": Scene([loads(0.0), loads(10.0)], LOAD, "no error without a load", strength=1.4),
+        "clock_offset": Scene(
+            [ramps_then_load()], CLOCK, "late in all, and nothing is rounded", strength=0.5
+        ),
+        "clock_drift": Scene(
+            [ramps((12.0, 5.0) * 3, 6.0, holds_s=3.0)],
+            CLOCK,
+            "in time at first, then later and later",
+            strength=0.03,
+        ),
         "cross_axis": Scene(
             [ramps((12.0, 0.0), 2.0)],
             PRESSURE,

@@ -397,6 +397,10 @@ def _effects() -> list[Component]:
         "cross_axis": "the modules bend about a turned axis",
         "end_restraint": "clamp and cap hold the end modules back",
         "link_stretch": "pressure lengthens the chain",
+        "payload_error": "the payload was written down wrongly",
+        "load_error": "the load at the tip was written down wrongly",
+        "clock_offset": "the clocks of inputs and readings are apart",
+        "clock_drift": "the clocks of inputs and readings run at different rates",
         "learned": "what no listed effect explains follows a smooth curve",
     }
     # The others' examples stand with the parameters in their configs.

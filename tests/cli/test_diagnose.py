@@ -23,7 +23,11 @@ def test_the_missing_effect_is_named_and_written(pliant, bench, read, monkeypatc
     monkeypatch.setenv("COLUMNS", "80")
     call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW).done()
     assert "Missing: sensor_bias." in call.out
-    lines = call.out.splitlines()
+    first, *lines = call.out.splitlines()
+    assert first.startswith(
+        "note: At rest the recording and the model disagree (12 runs): bend angle is read as 1.7°"
+    )
+    assert lines[-2].startswith("Something in the file looks wrong")
     end = next(k for k, line in enumerate(lines) if line.startswith("sensor_bias: bias"))
     assert max(map(len, lines[: end + 1])) <= 80  # parameters stand below the table
     assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]

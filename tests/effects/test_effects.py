@@ -27,12 +27,12 @@ from pliant_plugins.manifest import pliant_components
 SHIPPED = [c for c in pliant_components() if c.interface == "effect"]
 TENDON_LAW = replace(linear_law(), actuation_name="tendon_force_n")
 ALL = pytest.mark.parametrize("component", SHIPPED, ids=[c.kind for c in SHIPPED])
-# The kinds of docs/reference/effects.md, and two that chains need beside them.
+# The kinds of docs/reference/effects.md, two that chains need beside them, and four mistakes of the record.
 NAMES = """
     stiffness wall_thickness bimodulus actuation_gain pressure_offset dead_zone leak supply_lag viscous_damping
     viscoelastic friction_hysteresis mullins permanent_set tendon_friction backlash gravity_scale base_misalignment
     inter_module_compliance cross_axis self_contact thermal_softening sensor_bias sensor_scale sensor_lag inertia
-    end_restraint link_stretch learned
+    end_restraint link_stretch payload_error load_error clock_offset clock_drift learned
 """
 KINDS = set(NAMES.split())
 

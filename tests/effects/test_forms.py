@@ -10,10 +10,10 @@ import pytest
 from tests.diagnosis.quick import REGISTRY, effect, joint
 
 from pliant.interfaces.effect import EffectConfig, Model
+from pliant.mechanics.full_scale import full_scale
 from pliant.records.history import History
 from pliant.records.term import LawTerm
 from pliant_plugins.effects.factors import DEPTH_RAD, TYPICAL_RAD, TYPICAL_RAD_S
-from pliant_plugins.effects.pressures import full_scale
 
 CHAIN = joint()
 FULL = full_scale(CHAIN)

@@ -18,14 +18,15 @@ def opened(folder: Path, *overrides: str) -> api.OpenStudy:
 
 
 def test_the_right_signs_say_nothing(tmp_path: Path) -> None:
-    assert not any("the other way" in remark for remark in api.compare(opened(tmp_path)).remarks)
+    assert not api.compare(opened(tmp_path)).bookkeeping
 
 
 def test_swapped_chambers_are_named(tmp_path: Path) -> None:
     swapped = "chain.actuators=[{input: pressure_1_pa, sign: -1}, {input: pressure_2_pa, sign: 1}]"
-    [remark] = [r for r in api.compare(opened(tmp_path, swapped)).remarks if "the other way" in r]
-    assert "bend angle" in remark
-    assert "pressure_1_pa, pressure_2_pa and their signs in 'chain.actuators'" in remark
+    (found,) = api.compare(opened(tmp_path, swapped)).bookkeeping
+    assert found.kind == "exchanged" and found.where == ("pressure_1_pa", "pressure_2_pa")
+    assert "pressure_1_pa and pressure_2_pa are exchanged" in found.words
+    assert "their signs in 'chain.actuators'" in found.remedy
 
 
 def test_one_chamber_of_two_is_missing(tmp_path: Path) -> None:

@@ -22,6 +22,8 @@ from pliant.diagnosis.extension import Ground
 from pliant.diagnosis.fitting import Score, score
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.test_split import TrainTestSplit, lock, lock_more
+from pliant.evidence.bookkeeping.findings import find_mistakes
+from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Prediction, Predictor, RunReadings, measurement_of_study
@@ -242,7 +244,12 @@ class OpenModel:
 
     def comparison(self, effects: Effects) -> Comparison:
         """`pliant compare` of the training runs: what is put aside is not looked at for a choice."""
-        return compare(self.split.training, self.predicted(effects))
+        return compare(self.split.training, self.predicted(effects), bookkeeping=self.mistakes)
+
+    @cached_property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """What is probably written down wrongly in the training runs, by the study's own model."""
+        return find_mistakes(Predictor.of_study(self.bench, self.study, self.split.training))
 
     @cached_property
     def as_a_run(self) -> FinishedRun:

@@ -27,7 +27,7 @@ from pliant.diagnosis.counts_parameters import effect_parameters, task_parameter
 from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
-from pliant.evidence.comparison import compare as compare_with
+from pliant.evidence.compared import compare_model
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
 from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.experiments.experiment_catalogue import own_runs
@@ -79,8 +79,7 @@ def compare(
     measurement = measurement_of(here, bench, loaded, data)
     predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
-    predicted = predictor.predict()
-    comparison = compare_with(measurement, predicted)
+    predicted, comparison = compare_model(predictor)
     here.measured(loaded, measurement)
     bands, remark = study_bands(bench, loaded, measurement)
     here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)

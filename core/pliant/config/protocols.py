@@ -28,6 +28,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "warm": (*_CYCLES, "temperature_c"),
     "passive_load_steps": ("load_n_m", "hold_s"),
     "load_steps": ("load_n_m", "hold_s", "levels"),
+    "payload_steps": ("period_s",),
     "blocked": ("levels", "hold_s"),
     "vented_zero": ("hold_s",),
     "closed_valve": ("levels", "hold_s"),

@@ -65,8 +65,8 @@ def effect_parameters(
 ) -> list[VariedParameter]:
     """Each strength of the kinds; by default of all effects with one parameter that act before the sensor.
 
-    Effects of rate and memory have several parameters and are tried only where they are asked for: their other
-    parameters stay at typical values.
+    Mistakes of a record are left out: a count has no payload label and no clock. Effects of rate and memory have
+    several parameters and are tried only where they are asked for: their other parameters stay at typical values.
     """
     varied = []
     for kind in kinds if kinds is not None else registry.kinds("effect"):
@@ -75,7 +75,8 @@ def effect_parameters(
         model = cast(type[EffectConfig], component.config_model())
         parameters = model.fit_parameters()
         strengths = [p for p in parameters if p.role == "strength"]
-        if kinds is None and (effect.place == "output" or len(parameters) != 1):
+        of_a_record = effect.place == "output" or effect.notes.origin == "bench"
+        if kinds is None and (of_a_record or len(parameters) != 1):
             continue
         for p in strengths:
             levels = levels_of(p.plausible[0], p.plausible[1], p.neutral, steps)

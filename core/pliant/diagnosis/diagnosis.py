@@ -46,6 +46,9 @@ from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, Verdict, judge
 from pliant.errors import NotReachedError
+from pliant.evidence.bookkeeping.findings import find_mistakes
+from pliant.evidence.bookkeeping.mistake import Mistake
+from pliant.evidence.compared import predict_knowing
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.places import residuals_of
@@ -90,6 +93,7 @@ class Diagnosis:
         explained: the hypothesis whose residual `depends_on` describes.
         learned: what describes the error better than nothing where no listed effect explains it.
         law_off: the error of the law beside the most probable listed hypothesis; None where the readings show none.
+        bookkeeping: what is probably written down wrongly, before any physics.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
@@ -114,6 +118,7 @@ class Diagnosis:
     wall_s: float
     learned: LearnedTerm | None = None
     law_off: LawOff | None = None
+    bookkeeping: tuple[Mistake, ...] = ()
 
     @property
     def scales(self) -> Mapping[str, float]:
@@ -176,7 +181,8 @@ def diagnose(
     short, shortened = thinned(known)
     if shortened:
         predictor = predictor.for_runs(short)
-    plain = predictor.predict()
+    mistakes = find_mistakes(predictor)
+    plain = predict_knowing(predictor, mistakes)
     measurement, lost = _followed(short, plain)
     readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
     fitter = Fitter(predictor, readings)
@@ -258,6 +264,7 @@ def diagnose(
         learned=_learned(predictor, readings, table) if judgement.verdict == "unknown_effect" else None,
         wall_s=time.perf_counter() - started,
         law_off=off,
+        bookkeeping=mistakes,
     )
 
 
@@ -372,7 +379,14 @@ def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> lis
     notes = component.implementation_class().notes
     known = f" {notes.signature}" if signature and notes.signature else ""
     lines = [f"{kind}, {component.summary}:{known}"] if known else [f"{kind}: {component.summary}."]
+    if of_the_bench(registry, kind):
+        lines.append(f"{kind} is a mistake of the record: correct the file, not the physics.")
     return [*lines, *([f"On the bench: {notes.on_the_bench}"] if notes.on_the_bench else [])]
+
+
+def of_the_bench(registry: Registry, kind: str) -> bool:
+    """Whether an effect is a mistake of the record, which is corrected in the file."""
+    return bool(registry.get("effect", kind).implementation_class().notes.origin == "bench")
 
 
 def class_words(one: EffectClass, first: Collection[str] = ()) -> str:

@@ -75,12 +75,20 @@ def applicable(
     """Kinds that this chain can have, and the others with the plugin's reason, without its advice on a study."""
     reasons: dict[str, str] = {}
     asked: dict[str, tuple[EffectSet, Array]] = {}
+    predictor = fitter.predictor
+    histories = [run.history for run in predictor.measurement.runs]
     for kind in kinds:
         try:
             candidate = EffectSet.of(registry, (kind,))
-            asked[kind] = candidate, candidate.starts()[0]
+            start = candidate.starts()[0]
+            effect = predictor.bench.build("effect", candidate.configs(start)[0])
         except UserError as error:
             reasons[kind] = reason_of(error)
+            continue
+        if unsuited := effect.unsuited(predictor.chain, histories):
+            reasons[kind] = unsuited
+        else:
+            asked[kind] = candidate, start
     with JobQueue(executor or InlineExecutor(), fitter.refusal_from) as queue:
         for kind, one in zip(asked, queue.each(list(asked.values())), strict=True):
             if refusal := one.unwrap():

@@ -43,6 +43,7 @@ from pliant.diagnosis.steps import (
 from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
+from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.excess import Excess
 from pliant.evidence.places import Residuals
@@ -160,6 +161,7 @@ class _Walk:
         self.added: list[str] = []
         self.forms: set[str] = set()
         self.last: Diagnosis | None = None
+        self.mistakes: tuple[Mistake, ...] | None = None  # of the record, by the model as it came
         plain = self.ground.residuals(self.effects)
         whole = self.ground.residuals(self.effects, measurement)
         self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
@@ -266,6 +268,7 @@ class _Walk:
         predictor = self._predictor()
         own = own_runs(study, predictor.chain, predictor.measurement)
         self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
+        self.mistakes = self.last.bookkeeping if self.mistakes is None else self.mistakes
         return self.last
 
     def _gains(self, whole: Extension) -> bool:
@@ -343,6 +346,7 @@ class _Walk:
             reason += f" The last step is a learned term over {depends_on(last.learned)}: it {what}."
         not_tried = self.last.not_tried if self.last is not None else ()
         remarks = [
+            *(Remark(mistake.sentence, Rank.UNIT) for mistake in self.mistakes or ()),
             *self.measurement.remarks,
             *self.unknown,
             *self.ground.predictor.remarks,

@@ -14,8 +14,8 @@ likelihood is Gaussian with the precision
 
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
-The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a grid
-(`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
+The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a
+grid (`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.covariates import covariates
 from pliant.evidence.excess import STANDARD_ERRORS, Excess
 from pliant.evidence.importance import importance
@@ -42,33 +43,6 @@ from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
 
-AGAINST = -0.5  # a correlation below it is no missing effect: it is a sign
-FEWEST = 10
-
-
-def sense_remarks(
-    measurement: Measurement, predicted: Sequence[Mapping[str, Array]], names: Sequence[str]
-) -> list[str]:
-    """A sentence for each output whose readings go the other way than the model's."""
-    found = []
-    for name in names:
-        read = np.concatenate([np.asarray(run.outputs[name], float) for run in measurement.runs])
-        said = np.concatenate([np.asarray(model[name], float) for model in predicted])
-        there = np.isfinite(read) & np.isfinite(said)
-        if there.sum() < FEWEST or np.ptp(read[there]) == 0.0 or np.ptp(said[there]) == 0.0:
-            continue
-        correlation = float(np.corrcoef(read[there], said[there])[0, 1])
-        inputs = sorted({name for run in measurement.runs for name in run.history.actuation})
-        swapped = f", and at which chamber is which: {', '.join(inputs)} and their signs in 'chain.actuators'"
-        if correlation < AGAINST:
-            found.append(
-                f"The readings of {unit_of(name).label} go the other way than the model (correlation "
-                f"{correlation:.2f}): before looking for an effect look at the sign of the sensor"
-                f"{swapped if len(inputs) > 1 else ''}."
-            )
-    return found
-
-
 NO_NOISE = "no noise"
 ROUNDING = 1e-7  # of the readings: smaller floors come from computed data
 JUDGED_BY = ("repeats", "stated sigma")  # floors that hold the bench's own scatter
@@ -91,6 +65,7 @@ class Comparison:
         n_samples, n_effective: readings, and how many independent ones they are worth.
         judged: every floor comes from repeats or a stated sigma, so that "right" and "wrong" have a meaning.
         remarks: what limits the comparison, in sentences.
+        bookkeeping: what is probably written down wrongly, before any physics.
     """
 
     outputs: Mapping[str, OutputError]
@@ -107,6 +82,7 @@ class Comparison:
     n_effective: float
     judged: bool
     remarks: tuple[str, ...]
+    bookkeeping: tuple[Mistake, ...] = ()
 
     @property
     def has_floor(self) -> bool:
@@ -139,6 +115,7 @@ def compare(
     predicted: Sequence[Mapping[str, Array]],
     *,
     seed: int = 0,
+    bookkeeping: Sequence[Mistake] = (),
 ) -> Comparison:
     """Errors per output, run and condition against the noise floor, and where they are.
 
@@ -146,6 +123,7 @@ def compare(
         measurement: what the bench recorded.
         predicted: for each run the model's outputs by name, (t,) each.
         seed: of the bootstrap.
+        bookkeeping: mistakes of the record that the model shows (`find_mistakes`).
 
     Raises:
         UserError: no output in common, or no reading that can be compared.
@@ -191,8 +169,8 @@ def compare(
             *measurement.remarks,
             *floor_remarks(floors),
             *_remarks(measurement, names, residuals, noiseless),
-            *sense_remarks(measurement, predicted, names),
         ),
+        bookkeeping=tuple(bookkeeping),
     )
 
 

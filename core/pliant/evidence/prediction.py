@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,6 +128,19 @@ class Predictor:
         if not other._alignment.has_readings:
             other._alignment = self._alignment.frozen(self.turns, measurement)
         other.outputs, other.missing = other._readable(measurement.outputs)
+        return other
+
+    def with_engine(self, backend: PhysicsBackend) -> Predictor:
+        """The same model in another engine."""
+        other = copy.copy(self)
+        other.backend = backend
+        return other
+
+    def changed(self, change: Callable[[Model], Model]) -> Predictor:
+        """The same runs by another model, the study's effects in place."""
+        other = copy.copy(self)
+        other._base = change(self._base)
+        other._geometry = ChainGeometry.of(other._base.chain)
         return other
 
     def refined(self, parts: int) -> Predictor:

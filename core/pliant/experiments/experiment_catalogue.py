@@ -36,6 +36,7 @@ RISING = (0.3, 0.3, 0.6, 0.6, 1.0, 1.0)
 # A large loop with small ones inside, each turned back before its end.
 LOOPS = (0.0, 1.0, 0.4, 0.8, 0.3, 0.7, 0.0, 0.6, 0.2, 0.5, 0.0)
 PUSHES = (0.0, 1.0, 0.0, -1.0, 0.5, 0.0)
+PAYLOADS = (0.0, 0.5, 1.0)  # shares of what hung at the tip
 NUMBERS = {1: "one", 2: "two", 3: "three"}
 WARMER_K = 15.0
 LOADING, TURNING, MOUNTING, HEATING = 3.0, 5.0, 10.0, 15.0
@@ -53,6 +54,7 @@ TURNED = {
 }
 TURNTABLE, CHAMBER = "a bench whose base can be turned", "a warm chamber and a thermometer"
 WEIGHTS, LEVER = "weights or a lever", "a lever with a load cell"
+MASSES = "weights that were weighed"
 CAMERA = "a camera or a tracker"
 
 
@@ -154,6 +156,21 @@ def _loaded(name: str, words: str) -> Callable[[RunMaker, RunShape], PlannedRun]
     return build
 
 
+def payload_steps(make: RunMaker, shape: RunShape) -> PlannedRun | None:
+    """What hangs at the tip: nothing, half of it, all of it; None for a bench that hung nothing."""
+    scale = make.scale
+    whole = scale.payload_kg if scale.payload_kg else scale.chain.payload_kg
+    if not whole or scale.is_held:
+        return None
+    period = shape.period_s or MEDIUM_S
+    wave = make.cycles(replace(shape, cycles=len(PAYLOADS)), period, TWICE)
+    cycle = np.minimum(wave.time_s / period, len(PAYLOADS) - 1).astype(int)
+    words = "one medium cycle with no payload, one with half of it and one with all of it"
+    return make.run(
+        "payload_steps", words, wave, LOADING, needs=MASSES, payload_kg=whole * np.array(PAYLOADS)[cycle]
+    )
+
+
 def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     """The drive's torque by itself: the load that holds the joint at zero."""
     hold = shape.hold_s or 15.0
@@ -236,6 +253,7 @@ BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
     "warm": warm,
     "passive_load_steps": _loaded("passive_load_steps", "no {drive}"),
     "load_steps": _loaded("load_steps", "constant {drive}"),
+    "payload_steps": payload_steps,
     "blocked": blocked,
     "vented_zero": vented_zero,
     "closed_valve": closed_valve,

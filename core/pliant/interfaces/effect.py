@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, get_args
 
@@ -25,6 +25,8 @@ OutputMap = Callable[[Readings], Readings]
 
 Role = Literal["strength", "shape", "form"]
 Prior = Literal["normal", "log_normal"]
+# What has to be mended: the model, or the record that the bench made.
+Origin = Literal["physics", "bench"]
 
 
 @dataclass(frozen=True)
@@ -171,6 +173,8 @@ class EffectNotes:
         told_apart: what separates the two.
         excited_by: the run to do so that it shows, as an order to the bench.
         where: the families and chains that it makes sense for, and the engines that follow it.
+        origin: `physics`, or `bench` for a mistake of the record (a payload, a clock): the remedy is to correct the
+            file, not to extend the model.
     """
 
     signature: str = ""
@@ -179,6 +183,7 @@ class EffectNotes:
     told_apart: str = ""
     excited_by: str = ""
     where: str = ""
+    origin: Origin = "physics"
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +247,13 @@ class Effect(Configured[EffectConfig]):
     exciting: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""
     fitted: ClassVar[bool] = True
+
+    def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
+        """Return why the effect cannot show in recordings like these, whatever its strength; empty where it may.
+
+        A diagnosis leaves out effects that give a reason, so that they cost the others nothing.
+        """
+        return ""
 
     @abstractmethod
     def apply(self, model: Model) -> Model:

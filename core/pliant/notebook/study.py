@@ -14,7 +14,7 @@ from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.extension import Extension, write_extended_study
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.errors import UserError
-from pliant.evidence.comparison import compare
+from pliant.evidence.compared import compare_model
 from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
 from pliant.formatting import displayed_in
@@ -153,9 +153,8 @@ class StudyHandle:
             counts: CountComparison = api.compare_counts(self.opened, data)
             return Result(counts, counts_document(self.name, counted.counts, counts))
         model = api.predictor(self.opened, data)
-        predicted = model.predict()
         with displayed_in(units_as_written(model.measurement)):
-            found = compare(model.measurement, predicted)
+            predicted, found = compare_model(model)
             bands = study_bands(self.opened.bench, self.config, model.measurement)
             document = comparison_document(self.name, model.measurement, predicted, found, *bands)
         return Result(

@@ -8,7 +8,7 @@ from enum import IntEnum
 class Rank(IntEnum):
     """What a remark is about, the gravest first."""
 
-    UNIT = 0  # a unit may be wrong: no number is to be believed before that is settled
+    UNIT = 0  # a unit, a sign, a label may be wrong: no number is to be believed before that is settled
     FLOOR = 1  # the noise floor cannot judge
     DATA = 2  # what the data lack, and what the result rests on
     DETAIL = 3

@@ -17,6 +17,7 @@ from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.report.answers import comparison_answers
+from pliant.report.bookkeeping import mistakes_json, mistakes_warned, not_repeated
 from pliant.report.chart import Chart
 from pliant.report.document import (
     Column,
@@ -152,6 +153,7 @@ def comparison_document(
         held := bands_words(bands, measurement, "all runs", comparison.rmse_over_floor)
     ):
         brief.append(held)
+    remarks = (*comparison.remarks, *([remark] if remark else []))
     return Document(
         kind="Pliant: model against measurement",
         title=title,
@@ -162,7 +164,10 @@ def comparison_document(
         },
         brief=tuple(brief),
         answers=comparison_answers(comparison),
-        warnings=tuple(map(caveat, (*comparison.remarks, *([remark] if remark else [])))),
+        warnings=(
+            *mistakes_warned(comparison.bookkeeping),
+            *map(caveat, not_repeated(remarks, measurement, comparison.bookkeeping)),
+        ),
         draw=lambda: _drawn(Compared(measurement, predicted, comparison, bands)),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
@@ -184,6 +189,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     return {
         "outputs": {name: as_json(OUTPUT_COLUMNS, (name, error)) for name, error in outputs},
         "rmse_over_floor": comparison.rmse_over_floor,
+        "bookkeeping": mistakes_json(comparison.bookkeeping),
         "rmse_over_floor_interval": list(comparison.rmse_over_floor_interval),
         "interpretation": interpret(comparison),
         "judged": comparison.judged,

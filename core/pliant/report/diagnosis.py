@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
+from pliant.diagnosis.diagnosis import Diagnosis, next_words, of_the_bench, why
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.posterior import Posterior, posterior_of
 from pliant.diagnosis.verdict import named
@@ -18,6 +18,7 @@ from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.answers import diagnosis_answers
+from pliant.report.bookkeeping import mistakes_json, mistakes_warned, not_repeated
 from pliant.report.chart import Chart
 from pliant.report.diagnosis_tables import (
     classes_table,
@@ -62,6 +63,7 @@ MOST_SHOWN = 6  # hypotheses on the terminal
 WIDTH = 80  # characters of a line there
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
+    "bench": "Correct the file, not the physics: put the number right where it was written down and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
     "Which it is, the run below or a look at the bench tells.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
@@ -101,7 +103,8 @@ def diagnosis_document(
         next_file: the protocol file of the proposed run.
     """
     reasons = why(found, registry)
-    points = [*reasons, _demand(found)]
+    demand = _demand(found, registry)
+    points = [*reasons, demand]
     sentence = numbers_text(found) or points[0]
     proposed = next_words(found)
     return Document(
@@ -110,9 +113,13 @@ def diagnosis_document(
         sentence=sentence,
         data=diagnosis_json(found, next_file),
         brief=_brief(found),
-        answers=diagnosis_answers(found, _demand(found)),
+        answers=diagnosis_answers(found, demand),
         points=tuple(point for point in points if point != sentence),
-        warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
+        warnings=(
+            *mistakes_warned(found.bookkeeping),
+            *(Warned(text) for text in implausible(found)),
+            *warned(registry, not_repeated(found.remarks, measurement, found.bookkeeping), asked),
+        ),
         closing=(
             found.judgement.sentence,
             *reasons,
@@ -124,7 +131,7 @@ def diagnosis_document(
     )
 
 
-def _demand(found: Diagnosis) -> str:
+def _demand(found: Diagnosis, registry: Registry) -> str:
     """What to do, by the verdict and by what is left to gain."""
     small, verdict = found.judgement.small, found.verdict
     if verdict == "unknown_effect" and small:
@@ -133,6 +140,8 @@ def _demand(found: Diagnosis) -> str:
         return RECORD
     if found.judgement.selected_class:
         return DEMANDS["class"]
+    if found.selected and all(of_the_bench(registry, kind) for kind in found.selected):
+        return DEMANDS["bench"]
     decided = found.next_run is not None or verdict not in NEEDS_RUNS
     return DEMANDS[verdict] if decided else RECORD
 
@@ -142,6 +151,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
     noise = found.noise
     return {
         **verdict_json(found.judgement),
+        "bookkeeping": mistakes_json(found.bookkeeping),
         "hypotheses": hypotheses_json(found),
         "not_excited": [
             {"kind": kind, "run_that_would_excite_it": run} for kind, run in found.not_excited.items()

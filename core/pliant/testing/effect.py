@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.interfaces.effect import Effect, Model, Place, Readings
+from pliant.interfaces.effect import Effect, Model, Origin, Place, Readings
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
@@ -100,6 +100,24 @@ def says_where_a_simpler_form_is_enough(subject: Subject) -> None:
             require(
                 told, f"shape '{p.name}' is neutral at its bound {p.neutral:g}, and nothing says so: {how}"
             )
+
+
+@declared
+def says_which_recordings_it_suits(subject: Subject) -> None:
+    """`unsuited` gives no reason for a run that has every input, load and condition, and texts otherwise; `origin` is
+    physics or bench."""
+    effect, chain = subject.build(), sample_model(subject).chain
+    names = inputs_of(sample_model(subject))
+    bare = History.of(dict.fromkeys(names, 0.0))
+    for histories in ([probe_run(inputs=names)], [bare]):
+        reason = effect.unsuited(chain, histories)
+        require(isinstance(reason, str), f"unsuited returned {reason!r}, no text")
+    reason = effect.unsuited(chain, [probe_run(inputs=names)])
+    require(not reason, f"it says of a run that has everything: '{reason}'; no diagnosis would ever try it")
+    origins = get_args(Origin)
+    require(
+        effect.notes.origin in origins, f"origin is '{effect.notes.origin}', not one of {', '.join(origins)}"
+    )
 
 
 @declared

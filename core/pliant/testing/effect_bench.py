@@ -26,6 +26,7 @@ ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])
 MODULES = 3
 STEP_S = 0.25
 WARM_C = 35.0
+PAYLOAD_KG = 0.003
 
 
 def sample_model(subject: Subject, modules: int = MODULES, **chain: Any) -> Model:
@@ -35,7 +36,7 @@ def sample_model(subject: Subject, modules: int = MODULES, **chain: Any) -> Mode
     """
     law = softening_law()
     law = replace(law, actuation_name=type(subject.build()).actuation or law.actuation_name)
-    return Model(sample_chain(law, modules=modules, **(chain or {"payload": 0.003})))
+    return Model(sample_chain(law, modules=modules, **(chain or {"payload": PAYLOAD_KG})))
 
 
 def inputs_of(model: Model) -> tuple[str, ...]:
@@ -79,7 +80,7 @@ def _far(parameter: EffectParameter) -> float:
 def probe_run(
     run: str = "probe", specimen: str = "", timed: bool = True, inputs: Sequence[str] = ("pressure_pa",)
 ) -> History:
-    """Up, down and up again at two rates with holds, on a warm day, under a small load.
+    """Up, down and up again at two rates with holds, on a warm day, under a small load and the payload.
 
     At the end the valve closes: the command goes back to 2 kPa for five seconds, and the chambers keep theirs.
     """
@@ -95,6 +96,7 @@ def probe_run(
         specimen=specimen,
         moment_n_m=1e-3,
         temperature_c=WARM_C,
+        payload_kg=PAYLOAD_KG,
         valve_open=np.where(np.arange(len(time_s)) < len(time_s) - len(closed), 1.0, 0.0),
     )
 

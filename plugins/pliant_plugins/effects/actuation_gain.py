@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.full_scale import full_scale
 from pliant.records.history import History
 from pliant.units import Ratio
-from pliant_plugins.effects.pressures import full_scale
 
 
 class ActuationGainConfig(EffectConfig):

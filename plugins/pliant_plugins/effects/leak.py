@@ -22,10 +22,11 @@ from typing import Literal
 import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.full_scale import full_scale
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
-from pliant_plugins.effects.pressures import full_scale, needs_pressure
+from pliant_plugins.effects.pressures import needs_pressure
 
 
 class LeakConfig(EffectConfig):

@@ -14,9 +14,10 @@ from typing import Literal
 import numpy as np
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.full_scale import full_scale
 from pliant.records.design import Array
 from pliant.units import Pressure, Ratio
-from pliant_plugins.effects.pressures import full_scale, needs_pressure, with_pressures
+from pliant_plugins.effects.pressures import needs_pressure, with_pressures
 
 
 class PressureOffsetConfig(EffectConfig):

@@ -29,11 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
+from pliant.mechanics.full_scale import full_scale
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
 from pliant_plugins.effects.lag import lagged, steps_of
-from pliant_plugins.effects.pressures import full_scale
 
 
 class SupplyLagConfig(EffectConfig):

@@ -170,6 +170,8 @@ def _in_the_warm_only(gain: float, history: History) -> History:
 
 for check in ("plausible_values_change_something", "a_run_shows_it"):
     broken(check, apply=lambda up, self, model: model)
+broken("says_which_recordings_it_suits", unsuited=lambda up, self, chain, histories: "no run is good enough")
+broken("says_which_recordings_it_suits", unsuited=lambda up, self, chain, histories: None)
 broken("acts_only_at_its_place", apply=_without_payload)
 broken("leaves_the_model_alone", apply=_upside_down)
 broken("keeps_earlier_effects", apply=lambda up, self, model: Model(up(model).chain))

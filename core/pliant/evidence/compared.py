@@ -1,0 +1,33 @@
+"""A predictor against its own measurement: the mistakes of the record first, then prediction and comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pliant.errors import NotReachedError
+from pliant.evidence.bookkeeping.findings import find_mistakes
+from pliant.evidence.bookkeeping.mistake import Mistake
+from pliant.evidence.comparison import Comparison, compare
+from pliant.evidence.prediction import Predictor, RunReadings
+
+
+def compare_model(predictor: Predictor) -> tuple[tuple[RunReadings, ...], Comparison]:
+    """Return what the model reads in each run, and how far that is from what was measured.
+
+    Raises:
+        UserError: no output in common, or no reading that can be compared.
+        NotReachedError: no sample of any run has an equilibrium.
+    """
+    mistakes = find_mistakes(predictor)
+    predicted = predict_knowing(predictor, mistakes)
+    return predicted, compare(predictor.measurement, predicted, bookkeeping=mistakes)
+
+
+def predict_knowing(predictor: Predictor, mistakes: Sequence[Mistake]) -> tuple[RunReadings, ...]:
+    """Return the predicted outputs of each run; where no sample has an equilibrium the error names the mistakes."""
+    try:
+        return predictor.predict()
+    except NotReachedError as error:
+        if not mistakes:
+            raise
+        raise NotReachedError(f"{error}. {' '.join(one.sentence for one in mistakes)}") from None
