@@ -6,16 +6,16 @@ nobody knows. Its prior is a Gaussian process with standard deviation s T,
     δ ~ GP(0, (s T)² mean_ℓ exp(−½ (Δa² + Δu²) / ℓ²)),
 
 Δa and Δu as shares of what the runs visit, ℓ from half of it to a sixth, T the torque range of the law, s the share
-of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63,
-2001; Brynjarsdóttir & O'Hagan, Inverse Problems 30, 2014, on why its prior matters). δ is written over the directions
-that the readings feel, δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their
+of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63, 2001; Brynjarsdóttir & O'Hagan, Inverse
+Problems 30, 2014, on why its prior matters). δ is written over the directions that the readings feel, δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their
 sensitivities B, which the engine gives at each fit. With weight w = n_eff / (N σ²) of a reading, its marginal
 likelihood is Gaussian with the precision
 
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
 The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a
-grid (`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or a shape that is not smooth.
+grid (`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or
+a shape that is not smooth.
 """
 
 from __future__ import annotations
