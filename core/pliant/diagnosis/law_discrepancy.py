@@ -7,9 +7,10 @@ nobody knows. Its prior is a Gaussian process with standard deviation s T,
 
 Δa and Δu as shares of what the runs visit, ℓ from half of it to a sixth, T the torque range of the law, s the share
 of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63, 2001; Brynjarsdóttir & O'Hagan, Inverse
-Problems 30, 2014, on why its prior matters). δ is written over the directions that the readings feel, δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their
-sensitivities B, which the engine gives at each fit. With weight w = n_eff / (N σ²) of a reading, its marginal
-likelihood is Gaussian with the precision
+Problems 30, 2014, on why its prior matters). δ is written over the directions that the readings feel,
+δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their sensitivities B, which the
+engine gives at each fit. With the weight w = n_eff / (N σ²) of a reading, its marginal likelihood is Gaussian with the
+precision
 
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
@@ -80,8 +81,8 @@ class LawErrorPrior:
 
     @property
     def large(self) -> float:
-        """A size that is exceeded in one of ten laws."""
-        return float(min(self.median * np.exp(1.2816 * self.spread), self.most))
+        """A size that is exceeded in one of twenty laws."""
+        return float(min(self.median * np.exp(1.6449 * self.spread), self.most))
 
 
 # Without a statement: a law from FEM of rubber, or fitted to a bench, is usually off by 0.3 to 3 % of its range.
