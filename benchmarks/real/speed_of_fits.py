@@ -35,7 +35,9 @@ MOST_FIT_S, MOST_IMPROVE_S = 0.5, 180.0
 CHAMBERS = ("pressure_1_pa", "pressure_2_pa", "pressure_3_pa")
 LINK = ("three_bellow_link/drive_first_part.csv",)
 MUSCLE = tuple(f"coiled_muscle/specimen_1_{grams}g.csv" for grams in (100, 300, 500))
-ARM = tuple(f"soft_arm/{name}.csv" for name in (*(f"steps_{k}" for k in (1, 3, 5, 6, 8)), "tracking_1", "tracking_4"))
+ARM = tuple(
+    f"soft_arm/{name}.csv" for name in (*(f"steps_{k}" for k in (1, 3, 5, 6, 8)), "tracking_1", "tracking_4")
+)
 
 # One ball joint whose axes have laws of their own; each of three bellows bends it to its own side.
 BALL = """
@@ -144,7 +146,9 @@ def improve(study: Path) -> Seconds:
     """Seconds of `pliant improve` in two processes."""
     opened = api.open_study(study, store=study.parent / "store")
     taken = Seconds.of(lambda: print(api.improve(opened, workers=2).steps[-1].named))
-    print(f"{opened.study.name}, improve: {taken.wall:.0f} s on the clock, {taken.processor:.0f} s of processor")
+    print(
+        f"{opened.study.name}, improve: {taken.wall:.0f} s on the clock, {taken.processor:.0f} s of processor"
+    )
     return taken
 
 
