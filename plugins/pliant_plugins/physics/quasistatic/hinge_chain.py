@@ -14,16 +14,19 @@ import numpy as np
 from numba import njit
 
 from pliant_plugins.physics.compiled.arrays import copy
+from pliant_plugins.physics.compiled.handles import apart, kept
 from pliant_plugins.physics.quasistatic.hinge import by_the_past, effort, pose, slope, weigh
 
 
 @njit(cache=True, error_model="numpy")
 def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
-    model, laws, body, gravity = chain
-    base, p, f, opposed, hung, t, dt = now
-    before, old, new, states = memory
-    axes, origins, points, turned, load, residual, parts, _ = frame
+    apart()
+    model_handle, laws, body, gravity = kept(chain)
+    model = kept(model_handle)
+    base, p, f, opposed, hung, t, dt = kept(now)
+    before, old, new, states = kept(memory)
+    axes, origins, points, turned, load, residual, parts, _ = kept(frame)
     pose(q, base, body, axes, origins, points)
     weigh(axes, origins, points, body[6], hung, gravity, f, load, turned)
     size = 0.0
@@ -41,10 +44,11 @@ def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
     """Fills the stiffness −∂R/∂q (n, n) at the q of the last balance; returns whether it is symmetric: it is."""
-    model = chain[0]
-    _, p, _, _, _, t, dt = now
-    before, old, _, states = memory
-    axes, _, _, turned, _, _, parts, scratch = frame
+    apart()
+    model = kept(kept(chain)[0])
+    _, p, _, _, _, t, dt = kept(now)
+    before, old, _, states = kept(memory)
+    axes, _, _, turned, _, _, parts, scratch = kept(frame)
     for i in range(len(q)):
         x, y, z = turned[i, 0], turned[i, 1], turned[i, 2]
         for h in range(i + 1):
@@ -59,16 +63,18 @@ def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped
 @njit(cache=True, error_model="numpy")
 def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
     """Fills lines[1] with how the residual changes at q under what `then` and `past` hold; see `kernel`."""
-    model, gravity, p, f, opposed, hung, t = then
-    before, old, _, states = memory
-    before_v, old_v = past
-    axes, origins, points, _, plain_load, residual, parts, _ = frame
-    load, right = lines
-    moved, scratch, turned = spare
-    same, laws, body, _ = chain
-    dt = now[6]
+    apart()
+    model_handle, gravity, p, f, opposed, hung, t = kept(then)
+    before, old, _, states = kept(memory)
+    before_v, old_v = kept(past)
+    axes, origins, points, _, plain_load, residual, parts, _ = kept(frame)
+    load, right = kept(lines)
+    moved, scratch, turned = kept(spare)
+    same_handle, laws, body, same_gravity = kept(chain)
+    model, same = kept(model_handle), kept(same_handle)
+    _, same_p, same_f, _, same_hung, same_t, dt = kept(now)
     copy(plain_load, load)
-    if hung != now[4] or not _same(f, now[2]) or not _same(gravity, chain[3]):
+    if hung != same_hung or not _same(f, same_f) or not _same(gravity, same_gravity):
         weigh(axes, origins, points, body[6], hung, gravity, f, load, turned)
     for i in range(len(q)):
         at = i * states
@@ -77,7 +83,7 @@ def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ign
         if len(same[0][0]):
             part = (parts[i, 0], parts[i, 1], parts[i, 2], parts[i, 3])
             was, change = (old, at, states, moved), (before_v[i], old_v)
-            right[i] += by_the_past(same, i, q[i], before[i], dt, now[1], now[5], was, change, scratch, part)
+            right[i] += by_the_past(same, i, q[i], before[i], dt, same_p, same_t, was, change, scratch, part)
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")

@@ -243,16 +243,15 @@ def _spatial(chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any
     """Model, laws of the joints and body as `kernel.follow_spatial` takes them."""
     body, laws, a = Body.of(chain), CalledLaws.of(chain.laws), len(chain.axes)
     assert laws is not None
-    drives = _drives(chain)
     model = (
         terms.arrays,
         tuple(laws),
         np.array([actuator.turn(a) for actuator in chain.actuators], float).reshape(-1, a, a),
-        new_space(a, len(laws.zeros)),
+        new_space(a, max(len(law.actuations) for law in chain.laws)),
         np.array([actuator.sign for actuator in chain.actuators], float),
         _is_split(chain),
-        drives,
-        0,
+        _drives(chain),
+        np.zeros(len(chain.actuators)),
     )
     placed = (
         body.kind,

@@ -5,10 +5,10 @@
 with E(u) = τ(0, u), τ(p, u) = Σ_k T_k law(p_k, T_kᵀ u) or law(a, u), and each term a function of one coordinate
 (`LawTerm`). Laws are called by their addresses.
 
-A model holds terms, laws, turns T (k, a, a), space, signs, whether a term has another role than `moment`, drives
-(n, 3), and a number that hinges have more. Laws are addresses, spans, parameters, `less_rest`, α and γ of
-`JointLaw.behind` and as many zeros as a law may have actuations. Parts of an effort are what `slopes` and
-`by_the_past` need of it: E_b (n, a), A_b (n, a), f_elastic ∂E/∂u and f_actuation ∂A/∂u (n, a, a).
+The handle of a model holds terms, laws, turns T (k, a, a), space, signs, whether a term has another role than `moment`,
+drives (n, 3), and no actuation (k,). Laws are addresses, spans, parameters, `less_rest`, α and γ of `JointLaw.behind`.
+Parts of an effort are what `slopes` and `by_the_past` need of it: E_b (n, a), A_b (n, a), f_elastic ∂E/∂u and
+f_actuation ∂A/∂u (n, a, a).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import call_law, call_wide_law
+from pliant_plugins.physics.compiled.handles import apart, kept
 from pliant_plugins.physics.compiled.terms import combine, net_of_joint
 from pliant_plugins.physics.quasistatic.small_systems import solve
 
@@ -35,16 +36,15 @@ def new_space(a: int, m: int) -> tuple[Array, Array, Array]:
 
 
 @njit(cache=True, error_model="numpy")
-def _law(laws, law, p, first, count, driven, v, tau, tau_u, space):  # type: ignore[no-untyped-def]
-    """Fills τ (a,) and ∂τ/∂v of a law without what stands around it, at its actuations or at none of them."""
-    addresses, spans, parameters, less, _, zeros = laws
-    rows, by_p, blocks = space
+def _law(model, law, p, first, count, v, tau, tau_u):  # type: ignore[no-untyped-def]
+    """Fills τ (a,) and ∂τ/∂v of a law without what stands around it."""
+    apart()
+    _, (addresses, spans, parameters, less, _), _, (rows, by_p, blocks), _, _, _, _ = kept(model)
     c = parameters[spans[law, 0] : spans[law, 1]]
     if count > 1:
-        acting = p[first : first + count] if driven else zeros[:count]
-        call_wide_law(addresses[law], acting, v, c, tau, by_p, tau_u)
+        call_wide_law(addresses[law], p[first : first + count], v, c, tau, by_p, tau_u)
         return
-    call_law(addresses[law], p[first] if driven else 0.0, v, c, tau, by_p, tau_u)
+    call_law(addresses[law], p[first], v, c, tau, by_p, tau_u)
     share = less[law]
     if share != 0.0:
         rest, rest_u = rows[0], blocks[0]
@@ -56,15 +56,17 @@ def _law(laws, law, p, first, count, driven, v, tau, tau_u, space):  # type: ign
 
 
 @njit(cache=True, error_model="numpy")
-def _law_behind(laws, law, p, first, count, driven, u, tau, tau_u, space):  # type: ignore[no-untyped-def]
+def _law_behind(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-untyped-def]
     """Fills τ (a,) and ∂τ/∂u of a law in its place: τ = law(p, v), v = α u + γ τ."""
+    apart()
+    _, laws, _, (rows, _, _), _, _, _, _ = kept(model)
     stretch, give = laws[4][law, 0], laws[4][law, 1]
-    v, a = space[0][1], len(u)
+    v, a = rows[1], len(u)
     for b in range(a):
         v[b] = stretch * u[b]
-    _law(laws, law, p, first, count, driven, v, tau, tau_u, space)
+    _law(model, law, p, first, count, v, tau, tau_u)
     if give != 0.0:
-        _divide(laws, law, p, first, count, driven, u, tau, tau_u, space)
+        _divide(model, law, p, first, count, u, tau, tau_u)
     elif stretch != 1.0:
         for b in range(a):
             for e in range(a):
@@ -72,9 +74,10 @@ def _law_behind(laws, law, p, first, count, driven, u, tau, tau_u, space):  # ty
 
 
 @njit(cache=True, error_model="numpy")
-def _divide(laws, law, p, first, count, driven, u, tau, tau_u, space):  # type: ignore[no-untyped-def]
+def _divide(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-untyped-def]
     """Newton's method for v, shortened where it does not help, from v = α u; see `_law_behind`."""
-    rows, _, blocks = space
+    apart()
+    _, laws, _, (rows, _, blocks), _, _, _, _ = kept(model)
     stretch, give = laws[4][law, 0], laws[4][law, 1]
     v, ahead, step, there = rows[1], rows[2], rows[3], rows[4]
     matrix, there_u, a = blocks[1], blocks[2], len(u)
@@ -93,7 +96,7 @@ def _divide(laws, law, p, first, count, driven, u, tau, tau_u, space):  # type: 
             ahead[b] = v[b] - share * step[b]
         if not longest > PRECISION_RAD:
             break
-        _law(laws, law, p, first, count, driven, ahead, there, there_u, space)
+        _law(model, law, p, first, count, ahead, there, there_u)
         left = 0.0
         for b in range(a):
             left = max(left, abs(ahead[b] - stretch * u[b] - give * there[b]))
@@ -116,13 +119,13 @@ def _divide(laws, law, p, first, count, driven, u, tau, tau_u, space):  # type: 
 
 
 @njit(cache=True, error_model="numpy")
-def joint_laws(model, joint, law, p, driven, u, tau, tau_u):  # type: ignore[no-untyped-def]
-    """Fills τ (a,) and ∂τ/∂u (a, a) of a joint without terms, at its actuations or at none of them."""
-    laws, turns, space, drives = model[1], model[2], model[3], model[6]
-    rows, _, blocks = space
+def joint_laws(model, joint, law, p, u, tau, tau_u):  # type: ignore[no-untyped-def]
+    """Fills τ (a,) and ∂τ/∂u (a, a) of a joint without terms, p (k,) being the values of all actuators."""
+    apart()
+    _, _, turns, (rows, _, blocks), _, _, drives, _ = kept(model)
     first, last, count = drives[joint, 0], drives[joint, 1], drives[joint, 2]
     if count > 1:
-        _law_behind(laws, law, p, first, count, driven, u, tau, tau_u, space)
+        _law_behind(model, law, p, first, count, u, tau, tau_u)
         return
     own, own_u, half, turned, a = rows[5], blocks[3], blocks[4], rows[6], len(u)
     for b in range(a):
@@ -135,7 +138,7 @@ def joint_laws(model, joint, law, p, driven, u, tau, tau_u):  # type: ignore[no-
             turned[b] = 0.0
             for e in range(a):
                 turned[b] += turn[e, b] * u[e]
-        _law_behind(laws, law, p, k, 1, driven, turned, own, own_u, space)
+        _law_behind(model, law, p, k, 1, turned, own, own_u)
         for b in range(a):
             for e in range(a):
                 tau[b] += turn[b, e] * own[e]
@@ -149,36 +152,34 @@ def joint_laws(model, joint, law, p, driven, u, tau, tau_u):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy")
-def effort(model, joint, law, q, before, dt, p, t, old, new, strides, tau, parts):  # type: ignore[no-untyped-def]
-    """Fills τ' of a joint's coordinates in tau (n·a,), their new memory, and its parts.
-
-    `strides` tells how far apart the memories of two coordinates stand in `old` and in `new`.
-    """
+def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
+    """Fills τ' of a joint's coordinates in tau (n·a,), their new memory, and its parts."""
+    apart()
     spring, driven, spring_u, driven_u = parts
-    terms, rows, split = model[0], model[3][0], model[5]
+    terms, _, _, (rows, _, _), signs, split, drives, none = kept(model)
     u, shifted, moment, elastic, actuation, a = rows[7], rows[8], rows[9], rows[10], rows[11], spring.shape[1]
-    net, moved = net_of_joint(model[4], model[6], joint, p), False
+    net, moved = net_of_joint(signs, drives, joint, p), False
     for b in range(a):
         d = joint * a + b
         u[b] = q[d]
         moment[b], elastic[b], actuation[b], rest = combine(
-            terms, joint, q[d], before[d], dt, net, t, old, d * strides[0], new, d * strides[1]
+            terms, joint, q[d], before[d], dt, net, t, old, d * states, new, d * states
         )
         shifted[b] = q[d] - rest
         moved = moved or rest != 0.0
     own, own_u = spring[joint], spring_u[joint]
     more, more_u = driven[joint], driven_u[joint]
     if not split:
-        joint_laws(model, joint, law, p, True, u, own, own_u)
+        joint_laws(model, joint, law, p, u, own, own_u)
     else:
-        joint_laws(model, joint, law, p, True, u, more, more_u)
-        joint_laws(model, joint, law, p, False, u, own, own_u)
+        joint_laws(model, joint, law, p, u, more, more_u)
+        joint_laws(model, joint, law, none, u, own, own_u)
         for b in range(a):
             more[b] -= own[b]
             for e in range(a):
                 more_u[b, e] -= own_u[b, e]
         if moved:
-            joint_laws(model, joint, law, p, False, shifted, own, own_u)
+            joint_laws(model, joint, law, none, shifted, own, own_u)
     for b in range(a):
         tau[joint * a + b] = moment[b] + elastic[b] * own[b]
         for e in range(a):
@@ -192,9 +193,10 @@ def effort(model, joint, law, q, before, dt, p, t, old, new, strides, tau, parts
 @njit(cache=True, error_model="numpy")
 def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u):  # type: ignore[no-untyped-def]
     """Fills ∂τ'/∂u (a, a) of a joint: laws by their slopes, terms by central differences."""
+    apart()
     spring, driven, spring_u, driven_u = parts
-    terms, h, a = model[0], SLOPE_STEP, spring.shape[1]
-    split = model[5]
+    terms, _, _, _, signs, split, drives, _ = kept(model)
+    h, a = SLOPE_STEP, spring.shape[1]
     for b in range(a):
         for e in range(a):
             tau_u[b, e] = spring_u[joint, b, e]
@@ -202,7 +204,7 @@ def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u
                 tau_u[b, e] += driven_u[joint, b, e]
     if not len(terms[0]):
         return
-    net = net_of_joint(model[4], model[6], joint, p)
+    net = net_of_joint(signs, drives, joint, p)
     for e in range(a):
         d = joint * a + e
         at, u = d * states, q[d]
@@ -227,11 +229,12 @@ def by_the_past(model, joint, q, before, dt, p, t, memory, changes, scratch, par
         memory: old, how many numbers each coordinate has in it, space for as many.
         changes: of the coordinates before, and of `old`.
     """
+    apart()
     old, states, moved = memory
     before_v, old_v = changes
     spring, driven, spring_u, _ = parts
-    a, split = spring.shape[1], model[5]
-    net = net_of_joint(model[4], model[6], joint, p)
+    terms, _, _, _, signs, split, drives, _ = kept(model)
+    a, net = spring.shape[1], net_of_joint(signs, drives, joint, p)
     for e in range(a):
         d = joint * a + e
         at, share = d * states, 1.0
@@ -240,10 +243,10 @@ def by_the_past(model, joint, q, before, dt, p, t, memory, changes, scratch, par
         far = share * before_v[d]
         for s in range(states):
             moved[s] = old[at + s] + share * old_v[at + s]
-        m1, e1, a1, r1 = combine(model[0], joint, q[d], before[d] + far, dt, net, t, moved, 0, scratch, 0)
+        m1, e1, a1, r1 = combine(terms, joint, q[d], before[d] + far, dt, net, t, moved, 0, scratch, 0)
         for s in range(states):
             moved[s] = old[at + s] - share * old_v[at + s]
-        m0, e0, a0, r0 = combine(model[0], joint, q[d], before[d] - far, dt, net, t, moved, 0, scratch, 0)
+        m0, e0, a0, r0 = combine(terms, joint, q[d], before[d] - far, dt, net, t, moved, 0, scratch, 0)
         own = (m1 - m0) + (e1 - e0) * spring[joint, e]
         if split:
             own += (a1 - a0) * driven[joint, e]

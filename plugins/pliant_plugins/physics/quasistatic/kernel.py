@@ -25,12 +25,14 @@ from pliant_plugins.physics.compiled import (
     discard_stale,
     efforts,
     equilibrium,
+    handles,
     laws,
     statics,
     terms,
 )
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
 from pliant_plugins.physics.compiled.equilibrium import new_factor
+from pliant_plugins.physics.compiled.handles import apart, keep, kept
 from pliant_plugins.physics.compiled.statics import new_frame
 from pliant_plugins.physics.compiled.terms import combine, net_of_joint
 from pliant_plugins.physics.quasistatic import hinge, hinge_chain, joint_effort, small_systems, spatial_chain
@@ -38,7 +40,7 @@ from pliant_plugins.physics.quasistatic.small_systems import is_positive, solve,
 
 OF_HINGES = (hinge, hinge_chain)
 OF_OTHERS = (joint_effort, spatial_chain, statics, equilibrium)
-OF_BOTH = (sys.modules[__name__], small_systems, arrays, efforts, laws, terms)
+OF_BOTH = (sys.modules[__name__], small_systems, arrays, handles, efforts, laws, terms)
 SOURCES = tuple(Path(str(module.__file__)) for module in (*OF_BOTH, *OF_HINGES, *OF_OTHERS))
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
@@ -53,7 +55,7 @@ MOST_TURNED = 2.0 * np.pi
 
 def _chosen(chain: Any, name: str) -> Any:
     """The function of this name for the type of a chain: only that of hinges begins its body with an array."""
-    of_hinges = isinstance(chain[2][0], types.Array)
+    of_hinges = isinstance(chain.kind[2][0], types.Array)
     return getattr(hinge_chain if of_hinges else spatial_chain, name)
 
 
@@ -92,7 +94,8 @@ def _misfit_of(chain, then, now, q, memory, past, frame, lines, spare):  # type:
 @njit(cache=True, error_model="numpy")
 def _step(stiffness, symmetric, residual, step, work, options):  # type: ignore[no-untyped-def]
     """Fills Newton's step; returns the share of it that moves no coordinate too far."""
-    _, _, max_turn, unit = options
+    apart()
+    _, _, max_turn, unit = kept(options)
     n = len(step)
     if n == 1:
         stiff = stiffness[0, 0]
@@ -118,7 +121,8 @@ def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
     step before. Where no equilibrium was reached, q and the memory are those before the step: what comes next begins
     there.
     """
-    before, old, new, _ = memory
+    apart()
+    before, old, new, _ = kept(memory)
     least = CLOSER_STEPS if guessed else 0
     while True:
         if _newton(chain, now, q, memory, frame, square, lines, options, least):
@@ -143,9 +147,11 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but
     it follows a long chain through curls and snaps, in which the residual must grow before it falls.
     """
-    tolerance, _, _, unit = options
-    stiffness, work = square
-    step, _ = lines
+    apart()
+    tolerance, _, _, unit = kept(options)
+    stiffness, work = kept(square)
+    step, _ = kept(lines)
+    before, residual = kept(memory)[0], kept(frame)[5]
     size = _balance(chain, now, q, memory, frame)
     damping = size / RELAX_TURN
     for _ in range(RELAX_ITERATIONS):
@@ -157,11 +163,11 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
             shift = 2.0 * shift + 1e-12
         for i in range(len(q)):
             stiffness[i, i] += shift * unit[i]
-        scale = _step(stiffness, symmetric, frame[5], step, work, options)
+        scale = _step(stiffness, symmetric, residual, step, work, options)
         turned = 0.0
         for i in range(len(q)):
             q[i] += scale * step[i]
-            turned = max(turned, abs(q[i] - memory[0][i]) * unit[i])
+            turned = max(turned, abs(q[i] - before[i]) * unit[i])
         if turned > MOST_TURNED:
             return False
         reached = _balance(chain, now, q, memory, frame)
@@ -170,15 +176,16 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
     return size <= tolerance
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _newton(chain, now, q, memory, frame, square, lines, options, least):  # type: ignore[no-untyped-def]
     """Moves q toward equilibrium; returns whether it was reached. Frame and new memory are those at q.
 
     In its first `least` steps it aims closer than the tolerance.
     """
-    tolerance, max_iterations, _, _ = options
-    stiffness, work = square
-    step, trial = lines
+    tolerance, max_iterations, _, _ = kept(options)
+    stiffness, work = kept(square)
+    step, trial = kept(lines)
+    residual = kept(frame)[5]
     size, aim = _balance(chain, now, q, memory, frame), CLOSER * tolerance
     iteration = 0
     while (
@@ -188,7 +195,7 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
     ):
         iteration += 1
         symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
-        scale = _step(stiffness, symmetric, frame[5], step, work, options)
+        scale = _step(stiffness, symmetric, residual, step, work, options)
         # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
         reached = size
         for _ in range(MAX_HALVINGS):
@@ -210,12 +217,14 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     `then` holds the changed model, gravity, inputs and loads; `past` the changes of the past, which become those of
     the present. The square holds the stiffness and, where it is positive, its factor.
     """
-    model, _, p, _, _, _, t = then
-    before, old, new, states = memory
-    before_v, old_v = past
-    stiffness, work = square
-    right, moved, scratch = lines[1], spare[0], spare[1]
-    dt, n_axes = now[6], len(q) // len(chain[1])
+    apart()
+    model_handle, _, p, _, _, _, t = kept(then)
+    before, old, new, states = kept(memory)
+    before_v, old_v = kept(past)
+    stiffness, work = kept(square)
+    right, moved, scratch = kept(lines)[1], kept(spare)[0], kept(spare)[1]
+    dt, n_axes = kept(now)[6], len(q) // len(kept(chain)[1])
+    terms, _, _, _, signs, _, drives, _ = kept(model_handle)
     _misfit(chain, then, now, q, memory, past, frame, lines, spare)
     if positive:
         substitute(work, right)
@@ -225,12 +234,10 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     for i in range(len(q)):
         if states:
             joint, at = i // n_axes, i * states
-            net = net_of_joint(model[4], model[6], joint, p)
+            net = net_of_joint(signs, drives, joint, p)
             for s in range(states):
                 moved[s] = old[at + s] + old_v[at + s]
-            combine(
-                model[0], joint, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0
-            )
+            combine(terms, joint, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
             for s in range(states):
                 old_v[at + s] = scratch[s] - new[at + s]
         before_v[i] = right[i]
@@ -276,6 +283,7 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space):  # type: ignore[no-untyped-def]
     """The loop of `follow`, over arrays that its caller owns."""
+    apart()
     model, keeps, laws, body, gravity, drive, clock, others, options, space = lent(
         (model, keeps, laws, body, gravity, drive, clock, others, options, space)
     )
@@ -287,11 +295,13 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
     q, before, earlier, guess = angles
     old, new, kept = memories
     before_v, old_v, kept_v = changes
-    frame, lines = (*places, rows[0], rows[1], *scratch), (rows[2], rows[3])
+    frame, lines = keep((*places, rows[0], rows[1], *scratch)), keep((rows[2], rows[3]))
     p, p_v, f, f_v = inputs
-    chain = (model, laws, body, gravity)
+    chain = keep((keep(model), laws, body, gravity))
+    stiffness, factor = square
+    square, spare, unit, options = keep(square), keep(spare), options[3], keep(options)
     n_samples, n, states, n_changes = len(start), len(q), len(keeps), len(numbers_v)
-    memory = (before, old, new, states)
+    memory = keep((before, old, new, states))
     last_dt, trusted = np.inf, False
     for sample in range(n_samples):
         begins, owner = start[sample], specimen[sample]
@@ -309,7 +319,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
         for part in range(1, parts + 1):
             share = part / parts
             opposed, hung, t = _drive(drive, sample, share, begins, p, f)
-            now = (bases[sample], p, f, opposed, hung, t, dt)
+            now = keep((bases[sample], p, f, opposed, hung, t, dt))
             stretch = dt / last_dt if last_dt > 0.0 and np.isfinite(last_dt) and np.isfinite(dt) else 1.0
             _extrapolate(q, before, earlier, stretch, guess)
             guessed = trusted and _distance(guess, before) > 0.0
@@ -319,16 +329,16 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
                 converged[sample] = False
             trusted = _distance(q, guess) < _distance(q, before)
             if n_changes:
-                symmetric = _stiffen(chain, now, q, memory, frame, square[0])
-                positive = symmetric and is_positive(square[0], 0.0, options[3], square[1])
+                symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+                positive = symmetric and is_positive(stiffness, 0.0, unit, factor)
                 for k in range(n_changes):
                     drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
                     opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
                     terms_v = (model[0][0], model[0][1], numbers_v[k], model[0][3])
                     tables = (model[1], model[2], model[3], model[4], model[5], model[6], model[7])
-                    other = (terms_v,) + tables
-                    then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
-                    past = (before_v[k], old_v[k])
+                    other = keep((terms_v,) + tables)
+                    then = keep((other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v))
+                    past = keep((before_v[k], old_v[k]))
                     _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive)
             copy(before, earlier)
             copy(q, before)
@@ -412,7 +422,8 @@ def follow_spatial(model, keeps, laws, body, gravity, drive, clock, others, opti
     space = _space(n * a, states, len(clock[1]), len(others[0]), clock[3], m)
     results, angles, memories, changes, square, rows, inputs = space
     places = (new_frame(n, a, m), new_factor(n, a, 3), 0, 0)
-    scratch, spare = (_parts(n, a), np.zeros(states)), (np.zeros(states), np.zeros(states), _parts(n, a))
+    scratch = (_parts(n, a), np.zeros(states))
+    spare = (np.zeros(states), np.zeros(n * a * states), _parts(n, a))
     whole = (results, angles, memories, changes, places, scratch, square, rows, spare, inputs)
     _walk(model, keeps, laws, body, gravity, drive, clock, others, options, whole)
     return results

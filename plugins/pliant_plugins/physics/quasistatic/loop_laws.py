@@ -99,7 +99,7 @@ def is_wide(law: JointLaw) -> bool:
 class CalledLaws(NamedTuple):
     """Laws as `joint_effort` calls them: addresses (l,), spans (l, 2) of the parameters (P,), `less_rest` (l,).
 
-    `around` (l, 2) has α and γ of `JointLaw.behind`, `zeros` as many as a law may have actuations.
+    `around` (l, 2) has α and γ of `JointLaw.behind`.
     """
 
     addresses: Any
@@ -107,7 +107,6 @@ class CalledLaws(NamedTuple):
     parameters: Array
     less: Array
     around: Array
-    zeros: Array
 
     @staticmethod
     def of(laws: Sequence[JointLaw]) -> CalledLaws | None:
@@ -117,5 +116,4 @@ class CalledLaws(NamedTuple):
         if packed is None:
             return None
         around = np.array([number for _, *number in known], float).reshape(-1, 2)
-        zeros = np.zeros(max(packed.counts, default=1))
-        return CalledLaws(packed.addresses, packed.spans, packed.parameters, packed.less, around, zeros)
+        return CalledLaws(packed.addresses, packed.spans, packed.parameters, packed.less, around)

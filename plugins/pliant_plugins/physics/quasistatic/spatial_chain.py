@@ -13,6 +13,7 @@ from numba import njit
 
 from pliant_plugins.physics.compiled.arrays import copy
 from pliant_plugins.physics.compiled.equilibrium import ROUNDING, fill_dense
+from pliant_plugins.physics.compiled.handles import apart, kept
 from pliant_plugins.physics.compiled.statics import n_turns, place, sum_beyond
 from pliant_plugins.physics.compiled.statics import stiffen as stiffen_by_loads
 from pliant_plugins.physics.quasistatic.joint_effort import by_the_past, effort, slopes
@@ -50,17 +51,18 @@ def _generalise(body, opposed, statics, load):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
-    model, laws, body, gravity = chain
-    base, p, f, opposed, hung, t, dt = now
-    before, old, new, states = memory
-    statics, _, _, _, load, residual, parts, _ = frame
+    apart()
+    model, laws, body, gravity = kept(chain)
+    base, p, f, opposed, hung, t, dt = kept(now)
+    before, old, new, states = kept(memory)
+    statics, _, _, _, load, residual, parts, _ = kept(frame)
     placed, n, a = _placed(body, base), len(laws), len(body[2])
     place(placed, q.reshape((n, a)), statics)
     sum_beyond(placed, _loads(body, p, gravity, f, opposed, hung), statics)
     _generalise(body, opposed, statics, load)
     size = 0.0
     for i in range(n):
-        effort(model, i, laws[i], q, before, dt, p, t, old, new, (states, states), residual, parts)
+        effort(model, i, laws[i], q, before, dt, p, t, old, new, states, residual, parts)
         for d in range(i * a, i * a + a):
             residual[d] += load[d]
             if not np.isfinite(residual[d]):
@@ -72,10 +74,11 @@ def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
     """Fills the stiffness −∂R/∂q (n·a, n·a) at the q of the last balance; returns whether it is symmetric."""
-    model, laws, body, gravity = chain
-    base, p, f, opposed, hung, t, dt = now
-    before, old, _, states = memory
-    statics, factor, _, _, _, _, parts, scratch = frame
+    apart()
+    model, laws, body, gravity = kept(chain)
+    base, p, f, opposed, hung, t, dt = kept(now)
+    before, old, _, states = kept(memory)
+    statics, factor, _, _, _, _, parts, scratch = kept(frame)
     n, a, by_q = len(laws), len(body[2]), statics[7]
     for i in range(n):
         slopes(model, i, q, before, dt, p, t, old, states, scratch, parts, by_q[i])
@@ -91,13 +94,15 @@ def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped
 @njit(cache=True, error_model="numpy")
 def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
     """Fills lines[1] with how the residual changes at q under what `then` and `past` hold; see `kernel`."""
-    model, gravity, p, f, opposed, hung, t = then
-    before, old, _, states = memory
-    statics, _, _, _, plain_load, residual, parts, _ = frame
-    load, right = lines
-    moved, scratch, other_parts = spare
-    same, laws, body, same_gravity = chain
-    base, same_p, same_f, same_opposed, same_hung, same_t, dt = now
+    apart()
+    model, gravity, p, f, opposed, hung, t = kept(then)
+    before, old, _, states = kept(memory)
+    statics, _, _, _, plain_load, residual, parts, _ = kept(frame)
+    load, right = kept(lines)
+    moved, scratch, other_parts = kept(spare)
+    same, laws, body, same_gravity = kept(chain)
+    base, same_p, same_f, same_opposed, same_hung, same_t, dt = kept(now)
+    has_terms = len(kept(same)[0][0]) > 0
     a = len(body[2])
     copy(plain_load, load)
     if (
@@ -109,12 +114,12 @@ def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ign
         sum_beyond(_placed(body, base), _loads(body, p, gravity, f, opposed, hung), statics)
         _generalise(body, opposed, statics, load)
     for i in range(len(laws)):
-        effort(model, i, laws[i], q, before, dt, p, t, old, scratch, (states, 0), right, other_parts)
+        effort(model, i, laws[i], q, before, dt, p, t, old, scratch, states, right, other_parts)
         for d in range(i * a, i * a + a):
             right[d] += load[d] - residual[d]
-        if len(same[0][0]):
+        if has_terms:
             was = (old, states, moved)
-            by_the_past(same, i, q, before, dt, same_p, same_t, was, past, scratch, parts, right)
+            by_the_past(same, i, q, before, dt, same_p, same_t, was, kept(past), scratch, parts, right)
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
