@@ -70,7 +70,9 @@ class Session:
         if not self.quiet:
             self.out.print(text, markup=markup)
 
-    def show(self, document: Document, folder: Path | None = None, stored: StoredPage | Answer | None = None) -> None:
+    def show(
+        self, document: Document, folder: Path | None = None, stored: StoredPage | Answer | None = None
+    ) -> None:
         """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
         self.result.update(document.data)
         for block in terminal(document, has_page=folder is not None):

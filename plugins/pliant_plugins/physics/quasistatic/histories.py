@@ -17,7 +17,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History, run_by_run
 from pliant.records.law import JointLaw
-from pliant.records.term import LawTerm
+from pliant.records.term import LawTerm, numbers_of
 from pliant_plugins.physics.compiled.laws import CompiledTerms
 from pliant_plugins.physics.quasistatic.compiled_solver import NO_BODIES, NO_ROWS, Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
@@ -140,11 +140,17 @@ class Follower:
             and np.array_equal(drive.angles, changes[k].angles)
             and np.array_equal(clock.duration, clocks[k].duration)
         ]
-        q, dq, converged = self._run(chain, drive, clock, [(towards[k].chain, changes[k]) for k in linear])
+        still = [
+            k for k in linear if _same_numbers(chain, towards[k].chain) and _same_drive(drive, changes[k])
+        ]
+        moving = [k for k in linear if k not in still]
+        q, dq, converged = self._run(chain, drive, clock, [(towards[k].chain, changes[k]) for k in moving])
         shape = (len(q), chain.n_joints, len(chain.axes))
         paths = _split(histories, q.reshape(shape), converged)
         differences: dict[int, tuple[Followed, ...]] = {}
-        for row, k in enumerate(linear):
+        for k in still:  # what is read changes, and no joint
+            differences[k] = _split(histories, np.zeros(shape), converged)
+        for row, k in enumerate(moving):
             differences[k] = _split(histories, dq[row].reshape(shape), converged)
         for k in set(range(len(towards))) - set(linear):
             there, _, _ = self._run(towards[k].chain, changes[k], clocks[k], [])
@@ -307,6 +313,16 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
         and all(np.array_equal(getattr(chain, name), getattr(other, name)) for name in bases)
         and forms(chain.terms) == forms(other.terms)
     )
+
+
+def _same_numbers(chain: ChainModel, other: ChainModel) -> bool:
+    """Whether two chains of the same body have the same gravity and term parameters."""
+    numbers = (numbers_of(one.terms, one.n_joints) for one in (chain, other))
+    return np.array_equal(chain.gravity_m_s2, other.gravity_m_s2) and np.array_equal(*numbers)
+
+
+def _same_drive(drive: Drive, other: Drive) -> bool:
+    return other is drive or all(np.array_equal(a, b) for a, b in zip(drive, other, strict=True))
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:
