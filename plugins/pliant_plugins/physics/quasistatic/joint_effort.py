@@ -8,7 +8,7 @@ with E(u) = τ(0, u), τ(p, u) = Σ_k T_k law(p_k, T_kᵀ u) or law(a, u), and e
 The handle of a model holds terms, laws, turns T (k, a, a), space, signs, whether a term has another role than `moment`,
 drives (n, 3), and no actuation (k,). Laws are addresses, spans, parameters, `less_rest`, α and γ of `JointLaw.behind`.
 Parts of an effort are what `slopes` and `by_the_past` need of it: E_b (n, a), A_b (n, a), f_elastic ∂E/∂u and
-f_actuation ∂A/∂u (n, a, a).
+f_actuation ∂A/∂u (n, a, a), and Σ rest (n, a).
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def joint_laws(model, joint, law, p, u, tau, tau_u):  # type: ignore[no-untyped-
 def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
     """Fills τ' of a joint's coordinates in tau (n·a,), their new memory, and its parts."""
     apart()
-    spring, driven, spring_u, driven_u = parts
+    spring, driven, spring_u, driven_u, moved_by = parts
     terms, _, _, (rows, _, _), signs, split, drives, none = kept(model)
     u, shifted, moment, elastic, actuation, a = rows[7], rows[8], rows[9], rows[10], rows[11], spring.shape[1]
     net, moved = net_of_joint(signs, drives, joint, p), False
@@ -165,6 +165,7 @@ def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts)
         moment[b], elastic[b], actuation[b], rest = combine(
             terms, joint, q[d], before[d], dt, net, t, old, d * states, new, d * states
         )
+        moved_by[joint, b] = rest
         shifted[b] = q[d] - rest
         moved = moved or rest != 0.0
     own, own_u = spring[joint], spring_u[joint]
@@ -191,10 +192,33 @@ def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts)
 
 
 @njit(cache=True, error_model="numpy")
+def effort_of_terms(model, joint, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
+    """Fills τ' as `effort` does, of other terms at actuations and coordinates of which the parts are known.
+
+    Returns whether it could: no rest has moved, so that laws need not be called again. Parts stay as they are.
+    """
+    apart()
+    spring, driven, _, _, moved_by = parts
+    terms, _, _, _, signs, split, drives, _ = kept(model)
+    a, net = spring.shape[1], net_of_joint(signs, drives, joint, p)
+    for b in range(a):
+        d = joint * a + b
+        moment, elastic, actuation, rest = combine(
+            terms, joint, q[d], before[d], dt, net, t, old, d * states, new, d * states
+        )
+        if rest != moved_by[joint, b]:
+            return False
+        tau[d] = moment + elastic * spring[joint, b]
+        if split:
+            tau[d] += actuation * driven[joint, b]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u):  # type: ignore[no-untyped-def]
     """Fills ∂τ'/∂u (a, a) of a joint: laws by their slopes, terms by central differences."""
     apart()
-    spring, driven, spring_u, driven_u = parts
+    spring, driven, spring_u, driven_u, _ = parts
     terms, _, _, _, signs, split, drives, _ = kept(model)
     h, a = SLOPE_STEP, spring.shape[1]
     for b in range(a):
@@ -232,7 +256,7 @@ def by_the_past(model, joint, q, before, dt, p, t, memory, changes, scratch, par
     apart()
     old, states, moved = memory
     before_v, old_v = changes
-    spring, driven, spring_u, _ = parts
+    spring, driven, spring_u, _, _ = parts
     terms, _, _, _, signs, split, drives, _ = kept(model)
     a, net = spring.shape[1], net_of_joint(signs, drives, joint, p)
     for e in range(a):

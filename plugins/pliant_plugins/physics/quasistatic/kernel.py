@@ -407,7 +407,7 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _parts(n, a):  # type: ignore[no-untyped-def]
-    return np.zeros((n, a)), np.zeros((n, a)), np.zeros((n, a, a)), np.zeros((n, a, a))
+    return np.zeros((n, a)), np.zeros((n, a)), np.zeros((n, a, a)), np.zeros((n, a, a)), np.zeros((n, a))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -16,7 +16,7 @@ from pliant_plugins.physics.compiled.equilibrium import ROUNDING, fill_dense
 from pliant_plugins.physics.compiled.handles import apart, kept
 from pliant_plugins.physics.compiled.statics import n_turns, place, sum_beyond
 from pliant_plugins.physics.compiled.statics import stiffen as stiffen_by_loads
-from pliant_plugins.physics.quasistatic.joint_effort import by_the_past, effort, slopes
+from pliant_plugins.physics.quasistatic.joint_effort import by_the_past, effort, effort_of_terms, slopes
 
 
 @njit(cache=True, error_model="numpy")
@@ -113,8 +113,14 @@ def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ign
     ):
         sum_beyond(_placed(body, base), _loads(body, p, gravity, f, opposed, hung), statics)
         _generalise(body, opposed, statics, load)
+    same_laws = True
+    for k in range(len(p)):
+        same_laws = same_laws and p[k] == same_p[k]
     for i in range(len(laws)):
-        effort(model, i, laws[i], q, before, dt, p, t, old, scratch, states, right, other_parts)
+        if not same_laws or not effort_of_terms(
+            model, i, q, before, dt, p, t, old, scratch, states, right, parts
+        ):
+            effort(model, i, laws[i], q, before, dt, p, t, old, scratch, states, right, other_parts)
         for d in range(i * a, i * a + a):
             right[d] += load[d] - residual[d]
         if has_terms:
