@@ -23,7 +23,7 @@ class Handle(types.Type):
 
 
 @register_model(Handle)
-class _HandleModel(models.PrimitiveModel):  # type: ignore[misc]
+class _HandleModel(models.PrimitiveModel):
     def __init__(self, manager: Any, handle: Handle) -> None:
         super().__init__(manager, handle, cgutils.voidptr_t)
 

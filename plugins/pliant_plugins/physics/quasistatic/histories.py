@@ -317,8 +317,8 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
 
 def _same_numbers(chain: ChainModel, other: ChainModel) -> bool:
     """Whether two chains of the same body have the same gravity and term parameters."""
-    numbers = (numbers_of(one.terms, one.n_joints) for one in (chain, other))
-    return np.array_equal(chain.gravity_m_s2, other.gravity_m_s2) and np.array_equal(*numbers)
+    here, there = (numbers_of(one.terms, one.n_joints) for one in (chain, other))
+    return np.array_equal(chain.gravity_m_s2, other.gravity_m_s2) and np.array_equal(here, there)
 
 
 def _same_drive(drive: Drive, other: Drive) -> bool:
