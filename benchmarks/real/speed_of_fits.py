@@ -2,7 +2,7 @@
 
     python -m benchmarks.real.speed_of_fits [--improve] [--prepare FOLDER]
 
-Prints seconds on the clock and of processor time, and writes benchmarks/out/speed_of_fits.json. The studies state rough
+Prints seconds on the clock and of processor time (fits use one processor: bars judge that), and writes benchmarks/out/speed_of_fits.json. The studies state rough
 laws: how long a fit takes is measured, not how good the models are. `--improve` walks `pliant improve` of the soft arm
 on its seven recordings too, in two processes. `--prepare` only writes the studies and tables to a folder.
 """
@@ -108,7 +108,7 @@ def main() -> None:
         studies = prepare(Path(folder))
         times = {name: fits(study) for name, study in studies.items()}
         bars = [
-            Bar(f"{name}: fit of {kind}", taken.wall, MOST_FIT_S, "s")
+            Bar(f"{name}: fit of {kind}", taken.processor, MOST_FIT_S, "s of processor")
             for name in ("link", "muscle")
             for kind, taken in times[name].items()
             if kind in FITTED

@@ -43,7 +43,7 @@ from pliant.report.count_hypotheses import counts_diagnosis_document
 from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.document import Document
-from pliant.report.stored_answer import stored_answer
+from pliant.report.stored_answer import Question, stored_answer
 from pliant.store.store import write_atomically
 
 DataFile = Annotated[
@@ -139,7 +139,7 @@ def diagnose(
     # The file of the next run tells the study, the data and the folder by their paths.
     paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
     options = {"kinds": kinds, "asked": effect or [], "paths": paths}
-    stored = stored_answer(bench, loaded, measurement, options, MODULES, answer)
+    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():
         write_atomically(folder / file, text)

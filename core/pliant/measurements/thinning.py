@@ -20,7 +20,7 @@ from pliant.records.measurement import MeasuredRun, Measurement
 
 # Readings of all runs above which a recording is long, several outputs of a sample counted each, and about which are
 # kept; but so many samples are never thinned, and about so many are kept, for what moves is seen between them.
-LONG, KEPT = 12_000, 4_500
+LONG, KEPT = 12_000, 6_000
 FEW, FEWEST = 4_000, 2_000
 # What inputs may part from straight lines by, as a share of their range: the smallest that keeps few enough is taken.
 TOLERANCES = (0.005, 0.01, 0.02)

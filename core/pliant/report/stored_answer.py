@@ -26,6 +26,7 @@ from pliant.report.document import Document, Page, Table, Warned
 from pliant.report.render import page
 from pliant.store.content import content_digest
 from pliant.store.fingerprint import versions
+from pliant.store.store import Artifact
 
 LIBRARIES = ("numpy", "scipy", "numba", "matplotlib", "jinja2")
 # Of a document: plain values and tuples of them.
@@ -46,54 +47,62 @@ class Answer:
         return self.made
 
 
-def stored_answer(
-    bench: Workbench,
-    study: Study,
-    measurement: Measurement,
-    options: Mapping[str, Any],
-    modules: Sequence[str],
-    compute: Callable[[], tuple[Document, Mapping[str, str]]],
-) -> Answer:
-    """Return the answer to a question from the store, or compute it and keep it.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of a model and a measurement.
 
-    Args:
+    Attributes:
         bench: with the store.
-        study: the study that is asked about.
+        study: the study that is asked about, its effects included.
         measurement: what it is held against.
         options: JSON values that the answer depends on.
         modules: that compute the answer; the stage is called after the first one.
-        compute: gives the document, and files that stand beside its page.
     """
 
-    def work(partial: Path) -> dict[str, Any]:
+    bench: Workbench
+    study: Study
+    measurement: Measurement
+    options: Mapping[str, Any]
+    modules: Sequence[str]
+
+    def find(self, compute: Callable[[], Any]) -> Artifact:
+        """Return the answer from the store, or compute it and keep it."""
+        bench = self.bench
+        components = [c for c in bench.registry.components if c.interface == "effect" and c.missing() is None]
+        shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
+        return bench.make(
+            self.modules[0].rpartition(".")[2],
+            lambda partial: compute(),
+            components=[bench.component("physics", physics_of_study(bench, self.study)), *shipped],
+            modules=[*self.modules, __name__, "pliant.report.render", "pliant.formatting"],
+            config={
+                "study": content(self.study),
+                "options": dict(self.options),
+                "chain": _chain_digest(chain_of_study(bench, self.study).chain),
+                "measurement": content_digest(self.measurement),
+                "effects": sorted(component.kind for component in components),
+                "files": [digest(Path(file)) for file in files_of(bench.registry)],
+                "libraries": {"pliant": __version__, **versions(LIBRARIES)},
+            },
+            inputs={},
+        )
+
+
+def stored_answer(question: Question, compute: Callable[[], tuple[Document, Mapping[str, str]]]) -> Answer:
+    """Return the document that answers a question, from the store where it is there.
+
+    Args:
+        question: what is asked.
+        compute: gives the document, and the texts of files that stand beside its page by their names.
+    """
+
+    def work() -> dict[str, Any]:
         document, files = compute()
         made = page(document)
-        return {
-            "document": _tree(document),
-            "html": made.html,
-            "pictures": dict(made.pictures),
-            "files": dict(files),
-        }
+        pictures = dict(made.pictures)
+        return {"document": _tree(document), "html": made.html, "pictures": pictures, "files": dict(files)}
 
-    components = [c for c in bench.registry.components if c.interface == "effect" and c.missing() is None]
-    own = files_of(bench.registry)
-    shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
-    artifact = bench.make(
-        modules[0].rpartition(".")[2],
-        work,
-        components=[bench.component("physics", physics_of_study(bench, study)), *shipped],
-        modules=[*modules, __name__, "pliant.report.render", "pliant.formatting"],
-        config={
-            "study": content(study),
-            "options": dict(options),
-            "chain": _chain_digest(chain_of_study(bench, study).chain),
-            "measurement": content_digest(measurement),
-            "effects": sorted(component.kind for component in components),
-            "files": [digest(Path(file)) for file in own],
-            "libraries": {"pliant": __version__, **versions(LIBRARIES)},
-        },
-        inputs={},
-    )
+    artifact = question.find(work)
     value = artifact.value
     made = Page(value["html"], value["pictures"])
     return Answer(_document(value["document"]), made, value["files"], artifact.cached)
