@@ -2,9 +2,10 @@
 
     python -m benchmarks.real.speed_of_fits [--improve] [--prepare FOLDER]
 
-Prints seconds on the clock and of processor time (fits use one processor: bars judge that), and writes benchmarks/out/speed_of_fits.json. The studies state rough
-laws: how long a fit takes is measured, not how good the models are. `--improve` walks `pliant improve` of the soft arm
-on its seven recordings too, in two processes. `--prepare` only writes the studies and tables to a folder.
+Prints seconds on the clock and of processor time, and writes benchmarks/out/speed_of_fits.json. Bars judge processor
+time, for a fit uses one processor and others may be busy. The studies state rough laws: how long a fit takes is
+measured, not how good the models are. `--improve` walks `pliant improve` of the soft arm on its seven recordings too,
+in two processes. `--prepare` only writes the studies and tables to a folder.
 """
 
 from __future__ import annotations
