@@ -166,6 +166,17 @@ def test_a_base_that_turns_is_followed_sample_by_sample() -> None:
         np.testing.assert_allclose(path.joint_angles[k], there.joint_angles[k], atol=1e-9)
 
 
+def test_a_chain_that_stands_on_its_head_buckles_as_in_plain_stepping() -> None:
+    """Out of the plane in which it is loaded: where Newton's method alone stays on a saddle."""
+    inside = arm("turned").laws[0].law  # type: ignore[attr-defined]
+    module, ring = rod_module(inside, 0.011, 0.0016), arm("turned").actuators
+    config = ChainConfig(modules=16, payload="60 g")  # type: ignore[call-arg, arg-type]
+    chain = build_chain(config, [Segment(module, 16, 0.0, actuators=ring)])
+    upside_down = np.tile([0.2, 2.9, 0.1], (13, 1))
+    (path,) = agree(chain, [history(base_angles_rad=upside_down, tip_force_n=np.zeros((13, 3)))])
+    assert np.abs(path.joint_angles).max() > 0.5
+
+
 def test_tubes_that_only_extend_take_no_moment() -> None:
     with pytest.raises(UserError, match="takes no end moment"):
         ENGINE.follow(arm("prismatic"), [history(moment_n_m=np.full(13, 1e-3))])

@@ -49,6 +49,10 @@ CLOSER, CLOSER_STEPS = 1e-2, 2
 # Pseudo-transient continuation: iterations, and the turn of a joint that its first step aims at.
 RELAX_ITERATIONS = 300
 RELAX_TURN = 0.05
+# A saddle is left along a mode that grows, by this share of the longest turn: that mode takes so many multiplications.
+PUSH, MODE_STEPS = 0.2, 200
+# Curvature below this share of the largest is neutral within rounding.
+NEUTRAL = 1e-10
 # A joint that has turned so far (rad) has no equilibrium in reach.
 MOST_TURNED = 2.0 * np.pi
 
@@ -211,6 +215,65 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
 
 
 @njit(cache=True, error_model="numpy")
+def _leave_saddle(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
+    """Moves q from an equilibrium with the stiffness that the square holds to a stable one, if it is a saddle.
+
+    The mode that falls most is found by power iteration; of its two sides the one is taken on which the residual does
+    more work. Returns whether q has moved; frame and new memory are those at q.
+    """
+    apart()
+    _, _, max_turn, unit = kept(options)
+    stiffness, work = kept(square)
+    mode, start = kept(lines)
+    residual, n = kept(frame)[5], len(q)
+    largest = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += abs(stiffness[i, j])
+        largest = max(largest, total)
+    if not np.isfinite(largest) or is_positive(stiffness, NEUTRAL * largest, unit, work):
+        return False
+    for i in range(n):
+        mode[i] = 1.0 + 0.3 * (i % 3) - 0.1 * (i % 7)
+    curvature = 0.0
+    for _ in range(MODE_STEPS):
+        longest = 0.0
+        for i in range(n):
+            start[i] = largest * mode[i]
+            for j in range(n):
+                start[i] -= stiffness[i, j] * mode[j]
+            longest = max(longest, abs(start[i]) * unit[i])
+        for i in range(n):
+            mode[i] = start[i] / longest
+    for i in range(n):
+        for j in range(n):
+            curvature += mode[i] * stiffness[i, j] * mode[j]
+    if not curvature < 0.0:
+        return False
+    copy(q, start)
+    best, side = -np.inf, 1.0
+    for way in (1.0, -1.0):
+        done = 0.0
+        for share in (0.5, 1.0):  # Simpson's rule: the residual is nothing where it begins
+            for i in range(n):
+                q[i] = start[i] + way * share * PUSH * max_turn * mode[i]
+            _balance(chain, now, q, memory, frame)
+            for i in range(n):
+                done += (4.0 if share < 1.0 else 1.0) * way * residual[i] * mode[i]
+        if done > best:
+            best, side = done, way
+    back = start.copy()
+    for i in range(n):
+        q[i] = start[i] + side * PUSH * max_turn * mode[i]
+    if _relax(chain, now, q, memory, frame, square, lines, options):
+        return True
+    copy(back, q)
+    _balance(chain, now, q, memory, frame)
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive):  # type: ignore[no-untyped-def]
     """Changes of q and of the memory when parameters, inputs and past change a little.
 
@@ -302,7 +365,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
     square, spare, unit, options = keep(square), keep(spare), options[3], keep(options)
     n_samples, n, states, n_changes = len(start), len(q), len(keeps), len(numbers_v)
     memory = keep((before, old, new, states))
-    last_dt, trusted = np.inf, False
+    last_dt, trusted, buckles = np.inf, False, n > len(laws)  # out of the plane in which it is loaded
     for sample in range(n_samples):
         begins, owner = start[sample], specimen[sample]
         if begins:
@@ -327,6 +390,10 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
                 copy(guess, q)
             if not _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
                 converged[sample] = False
+            elif buckles:
+                symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+                if symmetric and not is_positive(stiffness, 0.0, unit, factor):
+                    _leave_saddle(chain, now, q, memory, frame, square, lines, options)
             trusted = _distance(q, guess) < _distance(q, before)
             if n_changes:
                 symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
