@@ -45,14 +45,21 @@ def _law(model, law, p, first, count, v, tau, tau_u):  # type: ignore[no-untyped
         call_wide_law(addresses[law], p[first : first + count], v, c, tau, by_p, tau_u)
         return
     call_law(addresses[law], p[first], v, c, tau, by_p, tau_u)
-    share = less[law]
-    if share != 0.0:
-        rest, rest_u = rows[0], blocks[0]
-        call_law(addresses[law], 0.0, v, c, rest, by_p, rest_u)
-        for b in range(len(v)):
-            tau[b] -= share * rest[b]
-            for e in range(len(v)):
-                tau_u[b, e] -= share * rest_u[b, e]
+    share, a = less[law], len(v)
+    if share == 0.0:
+        return
+    if p[first] == 0.0:  # it is its own rest
+        for b in range(a):
+            tau[b] *= 1.0 - share
+            for e in range(a):
+                tau_u[b, e] *= 1.0 - share
+        return
+    rest, rest_u = rows[0], blocks[0]
+    call_law(addresses[law], 0.0, v, c, rest, by_p, rest_u)
+    for b in range(a):
+        tau[b] -= share * rest[b]
+        for e in range(a):
+            tau_u[b, e] -= share * rest_u[b, e]
 
 
 @njit(cache=True, error_model="numpy")
