@@ -46,8 +46,14 @@ def settled() -> None:
 
 
 def followed() -> None:
-    """Paths of the quasi-static engine."""
+    """Paths of hinges in the quasi-static engine."""
     built("physics", "quasistatic").follow(bent_chain(), [History.of(PRESSURES)])
+
+
+def followed_in_space() -> None:
+    """Paths of all other joints."""
+    law = built("surrogate", "polynomial").fit_module(module_table_of(coupled_law())).law
+    built("physics", "quasistatic").follow(sample_chain(law, modules=2), [History.of(PRESSURES)])
 
 
 def moved() -> None:
@@ -72,5 +78,7 @@ def byte_code() -> None:
 
 if __name__ == "__main__":
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for done in [pool.submit(job) for job in (solved, byte_code, settled, followed, moved)]:
+        for done in [
+            pool.submit(job) for job in (solved, byte_code, settled, followed, followed_in_space, moved)
+        ]:
             done.result()

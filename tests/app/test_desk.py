@@ -68,6 +68,24 @@ def test_work_that_was_done_is_not_done_again(
     assert again.view()["model"]["effects"] == before["effects"]
 
 
+def test_a_diagnosis_in_another_session_is_answered_from_the_store(
+    desk: Desk, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.run("diagnose")
+    desk.bench.wait(600.0)
+    before = desk.view()["model"]["diagnosis"]
+    monkeypatch.setattr(work, "diagnose_with", lambda *_, **__: pytest.fail("diagnosed twice"))
+    other = SessionFolder(bench / "other")
+    again = Desk(other, bench / "store")
+    again.begin(bench / "bend.yaml", [])
+    again.run("diagnose")
+    again.bench.wait(600.0)
+    assert again.view()["model"]["diagnosis"] == before
+    assert (other.results / before["report"]).is_file()
+    if before["protocol"]:
+        assert (other.results / before["protocol"]).is_file()
+
+
 def test_work_that_was_cut_off_is_taken_up(desk: Desk, bench: Path) -> None:
     folder = SessionFolder(bench / "session")
     folder.keep(replace(desk.state, pending={"what": "fit", "kinds": ["actuation_gain"]}))

@@ -45,6 +45,27 @@ def test_the_missing_effect_is_named_and_written(pliant, bench, read, monkeypatc
     assert {entry["kind"] for entry in found["smallest_detectable"]} <= set(FEW)
 
 
+def test_what_is_asked_again_is_answered_from_the_store(pliant, bench, read, monkeypatch, workplace) -> None:
+    asked = ("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW)
+    first = pliant(*asked).done()
+    found, page = read("out.json"), (workplace / "runs/joint-diagnose/report.html").read_text("utf-8")
+
+    def computed(*_: object, **__: object) -> None:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr("pliant.cli.evidence.diagnose_with", computed)
+    again = pliant(*asked).done()
+    assert again.out == first.out
+    assert read("out.json") == found
+    assert (workplace / "runs/joint-diagnose/report.html").read_text("utf-8") == page
+    with pytest.raises(AssertionError, match="computed again"):  # other candidates are another question
+        pliant(*asked, "--effect", "backlash")
+    with pytest.raises(AssertionError, match="computed again"):  # and so are other readings
+        text = (workplace / "bench.csv").read_text("utf-8").splitlines()
+        (workplace / "bench.csv").write_text("\n".join(text[:-1]) + "\n", "utf-8")
+        pliant(*asked)
+
+
 @pytest.mark.slow
 def test_effects_of_the_study_are_part_of_the_model(pliant, bench, read) -> None:
     known = 'effects=[{"kind": "sensor_bias", "bias_rad": 0.03}]'

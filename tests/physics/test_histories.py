@@ -20,7 +20,7 @@ from pliant.testing.samples import linear_law, linear_spherical_law, sample_chai
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.hinge import law_at
-from pliant_plugins.physics.quasistatic.histories import tabulate
+from pliant_plugins.physics.quasistatic.loop_laws import tabulate
 from pliant_plugins.physics.stepping import step_through
 
 STRENGTHS = {**VALUES, **MORE_VALUES}

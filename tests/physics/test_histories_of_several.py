@@ -18,7 +18,7 @@ from pliant.records.history import History
 from pliant.testing.samples import linear_law
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.histories import HingeFollower
+from pliant_plugins.physics.quasistatic.histories import Follower
 from pliant_plugins.physics.stepping import step_through
 
 ENGINE = Quasistatic(QuasistaticConfig(tolerance=1e-13))
@@ -58,7 +58,7 @@ def with_effects(chain: ChainModel, *kinds: str) -> ChainModel:
 @pytest.mark.parametrize("kinds", EFFECTS, ids=lambda kinds: "+".join(kinds) or "none")
 def test_they_are_those_of_plain_stepping(kinds: tuple[str, ...]) -> None:
     chain, runs = with_effects(arm(), *kinds), [history(), history("again", 0.7)]
-    assert HingeFollower(ENGINE.config).takes(chain)
+    assert Follower(ENGINE.config).takes(chain)
     compiled, _ = ENGINE.follow(chain, runs)
     plain, _ = step_through(ENGINE.build, chain, runs, [], ENGINE.config.longest_step_s)
     for a, b in zip(compiled, plain, strict=True):
@@ -99,7 +99,7 @@ def test_a_law_without_a_scalar_form_is_followed_step_by_step() -> None:
     plain = Plain(**{field.name: getattr(law, field.name) for field in dataclasses.fields(law)})
     chain = arm()
     slow = chain.with_(laws=(plain, *chain.laws[1:]))
-    assert not HingeFollower(ENGINE.config).takes(slow)
+    assert not Follower(ENGINE.config).takes(slow)
     short = [history()]
     (a,), _ = ENGINE.follow(slow, short)
     (b,), _ = ENGINE.follow(chain, short)

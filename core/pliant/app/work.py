@@ -14,6 +14,7 @@ from pliant.app.folder import SessionFolder
 from pliant.app.open_model import OpenModel, WatchedPredictor
 from pliant.app.page_state import Effects
 from pliant.app.unseen_runs import doubts_of_fit, doubts_of_steps
+from pliant.config.study import Study
 from pliant.config.writing import StudyDraft, name_of_file
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.diagnosis import Diagnosis, next_words
@@ -30,6 +31,7 @@ from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import display_unit, whole_percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.files import sources_of
+from pliant.records.plain_values import plain
 from pliant.registry.discovery import discover
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.document import Document, capital
@@ -38,9 +40,12 @@ from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
 from pliant.report.learned_curve import curve_of
 from pliant.report.render import page
+from pliant.report.stored_answer import Question
 from pliant.store.store import write_atomically
 
 Tick = Callable[[str], None]
+# What a diagnosis of the page is computed with, beside effects and engine.
+MODULES = ("pliant.app.work", "pliant.diagnosis.diagnosis", "pliant.report.diagnosis")
 # Below this probability a ticked effect is said to be an unlikely one.
 UNLIKELY = 0.05
 
@@ -105,9 +110,21 @@ def fit(
 
 
 def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]:
-    """`pliant diagnose` of the model as it stands, on the training runs."""
+    """`pliant diagnose` of the model as it stands, on the training runs; the store answers where it has it."""
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(task.effects)})
+    # The result names files by the key, and the file of the next run tells the study and the data.
+    options = {"key": key, "paths": [str(path) for path in (model.path, *model.data)]}
+    question = Question(model.bench, study, model.split.training, options, MODULES)
+    kept = question.find(lambda: _diagnosed(task, study, folder, key)).value
+    for name, text in kept["files"].items():
+        write_atomically(folder.results / name, text)
+    return dict(kept["result"])
+
+
+def _diagnosed(task: ModelWork, study: Study, folder: SessionFolder, key: str) -> dict[str, Any]:
+    """The result that the page keeps, and the texts of the files that it names."""
+    model = task.model
     base = task.ground.predictor
     predictor = WatchedPredictor(
         base.bench, base.backend, base.chain, model.split.training, study.effects, study.law_error
@@ -121,7 +138,7 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     document = diagnosis_document(
         study.name, model.split.training, found, model.bench.registry, next_file=protocol
     )
-    return {
+    result: dict[str, Any] = {
         "what": "diagnose",
         "sentence": document.sentence,
         "verdict": found.verdict,
@@ -151,6 +168,9 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
         ],
         "report": _report(folder, key, document),
     }
+    names = [name for name in (result["report"], protocol) if name]
+    files = {name: (folder.results / name).read_text(encoding="utf-8") for name in names}
+    return {"result": plain(result), "files": files}
 
 
 def _next_run(found: Diagnosis) -> str:

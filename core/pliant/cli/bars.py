@@ -48,7 +48,7 @@ class _Bar:
         )
         self.title = title
         self.rich = RichProgress(*columns, console=console, transient=False)
-        self.task = self.rich.add_task(title, total=total, completed=done)
+        self.task = self.rich.add_task(title, total=total or None, completed=done)
         self.rich.start()
 
     def advance(self, steps: int = 1) -> None:
@@ -86,28 +86,32 @@ class TerminalProgress:
 
 
 class FittingBar:
-    """Progress of diagnoses, one bar for each: effects first, then sets of them as the search comes to them."""
+    """Progress of diagnoses, two bars for each: single effects, then sets of them, whose number nobody knows."""
 
     def __init__(self, progress: Progress, kinds: int) -> None:
-        self._progress, self._kinds = progress, kinds
-        self._begin("fitting effects")
+        self._progress, self._kinds, self._again, self._sets = progress, kinds, "", False
+        self._begin("fitting effects", 1 + kinds)
 
-    def _begin(self, title: str) -> None:
-        self._task, self._done = self._progress.begin(title, 1 + self._kinds), 0
+    def _begin(self, title: str, total: int) -> None:
+        self._task, self._done = self._progress.begin(f"{title}{self._again}", total), 0
 
     def tick(self, hypothesis: str) -> None:
-        """Count a fit; each diagnosis begins with "nothing". The bar grows with the sets: nobody knows their number."""
+        """Count a fit; each diagnosis begins with "nothing"."""
         if hypothesis == "nothing" and self._done:
             self.finish()
-            self._begin("fitting effects again")
-        if " + " in hypothesis:
-            self._task.expect(self._done + 1)  # effects that the chain cannot have are not fitted
+            self._again, self._sets = " again", False
+            self._begin("fitting effects", 1 + self._kinds)
+        if " + " in hypothesis and not self._sets:
+            self.finish()
+            self._sets = True
+            self._begin("fitting sets of effects", 0)
+        if self._sets:
             self._task.describe(hypothesis)
         self._task.advance()
         self._done += 1
 
     def finish(self) -> None:
-        """End the bar."""
+        """End the bar; effects that the chain cannot have were not fitted."""
         self._task.expect(self._done)
         self._task.finish()
 

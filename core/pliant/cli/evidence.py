@@ -42,6 +42,9 @@ from pliant.report.comparison import comparison_document
 from pliant.report.count_hypotheses import counts_diagnosis_document
 from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
+from pliant.report.document import Document
+from pliant.report.stored_answer import Question, stored_answer
+from pliant.store.store import write_atomically
 
 DataFile = Annotated[
     list[Path] | None,
@@ -56,6 +59,8 @@ Candidates = Annotated[
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
 NEXT_RUN = "next_run.csv"
+# What a diagnosis and its page are computed with, beside effects and engine.
+MODULES = ("pliant.report.diagnosis", "pliant.diagnosis.diagnosis", __name__)
 
 
 @verb()
@@ -114,19 +119,31 @@ def diagnose(
         return
     kinds = candidate_kinds(here.registry, effect or None)
     measurement = measurement_of(here, bench, loaded, data)
-    predictor = Predictor.of_study(bench, loaded, measurement)
     check_writable(folder)
-    own = own_runs(loaded, predictor.chain, measurement)
-    with fitting_bar(here.progress, len(kinds)) as bar:
-        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
+
+    def answer() -> tuple[Document, dict[str, str]]:
+        predictor = Predictor.of_study(bench, loaded, measurement)
+        own = own_runs(loaded, predictor.chain, measurement)
+        with fitting_bar(here.progress, len(kinds)) as bar:
+            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
+        planned = found.next_run.planned if found.next_run is not None else None
+        runs = [(NEXT_RUN, planned)] if planned is not None else []
+        files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
+        file = files[0] if files else None
+        document = diagnosis_document(
+            name, measurement, found, here.registry, asked=effect or (), next_file=file
+        )
+        return document, {NEXT_RUN: Path(file).read_text(encoding="utf-8")} if file else {}
+
+    # The file of the next run tells the study, the data and the folder by their paths.
+    paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
+    options = {"kinds": kinds, "asked": effect or [], "paths": paths}
+    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
-    planned = found.next_run.planned if found.next_run is not None else None
-    runs = [(NEXT_RUN, planned)] if planned is not None else []
-    files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
+    for file, text in stored.files.items():
+        write_atomically(folder / file, text)
     here.measured(loaded, measurement)
-    file = files[0] if files else None
-    document = diagnosis_document(name, measurement, found, here.registry, asked=effect or (), next_file=file)
-    here.show(document, folder)
+    here.show(stored.document, folder, stored)
 
 
 def measurement_of(here: Session, bench: Workbench, study: Study, data: Sequence[Path] | None) -> Measurement:

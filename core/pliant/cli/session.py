@@ -31,6 +31,7 @@ from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
 from pliant.report.render import page, terminal
 from pliant.report.stage import StoredPage, write_page
+from pliant.report.stored_answer import Answer
 from pliant.store.store import ArtifactStore, write_atomically
 from pliant.user_text import visible
 
@@ -69,7 +70,9 @@ class Session:
         if not self.quiet:
             self.out.print(text, markup=markup)
 
-    def show(self, document: Document, folder: Path | None = None, stored: StoredPage | None = None) -> None:
+    def show(
+        self, document: Document, folder: Path | None = None, stored: StoredPage | Answer | None = None
+    ) -> None:
         """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
         self.result.update(document.data)
         for block in terminal(document, has_page=folder is not None):

@@ -30,7 +30,7 @@ class Progress(Protocol):
     """Receives what a run says while it runs."""
 
     def begin(self, title: str, total: int, done: int = 0) -> ProgressBar:
-        """A piece of work begins, `done` of its `total` steps being there already."""
+        """A piece of work begins, `done` of its `total` steps being there already; 0 where nobody knows how many."""
 
     def note(self, text: str) -> None:
         """One sentence that the user should see."""
@@ -97,11 +97,12 @@ class LogBar:
         self.within = ""
         self.started = self.said = time.monotonic()
         if done:
-            say(f"{title}: going on from {done}/{total}")
+            say(f"{title}: going on from {self._count}")
 
     def advance(self, steps: int = 1) -> None:
         self.done += steps
-        self.total = max(self.total, self.done)
+        if self.total:
+            self.total = max(self.total, self.done)
         self._line()
 
     def describe(self, text: str) -> None:
@@ -113,14 +114,18 @@ class LogBar:
 
     def finish(self) -> None:
         elapsed = time.monotonic() - self.started
-        self._say(f"{self.title}: {self.done}/{self.total} in {elapsed:.1f} s")
+        self._say(f"{self.title}: {self._count} in {elapsed:.1f} s")
+
+    @property
+    def _count(self) -> str:
+        return f"{self.done}/{self.total}" if self.total else f"{self.done} so far"
 
     def _line(self) -> None:
         now = time.monotonic()
         if now - self.said <= LINE_EVERY_S:
             return
         self.said = now
-        line = f"{self.title}: {self.done}/{self.total}{self.within}"
+        line = f"{self.title}: {self._count}{self.within}"
         if self.done > self.first:
             each = (now - self.started) / (self.done - self.first)
             line += f", {each:.2f} s each"

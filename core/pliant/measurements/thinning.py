@@ -18,8 +18,10 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-# Samples of all runs above which a recording is long, and about which are kept.
+# Readings of all runs above which a recording is long, several outputs of a sample counted each, and about which are
+# kept; but so many samples are never thinned, and about so many are kept, for what moves is seen between them.
 LONG, KEPT = 12_000, 6_000
+FEW, FEWEST = 4_000, 2_000
 # What inputs may part from straight lines by, as a share of their range: the smallest that keeps few enough is taken.
 TOLERANCES = (0.005, 0.01, 0.02)
 
@@ -29,32 +31,36 @@ def thinned(measurement: Measurement) -> tuple[Measurement, tuple[str, ...]]:
 
     Measurements whose inputs turn at too many samples stay as they are, too.
     """
-    samples = sum(map(len, measurement.runs))
-    if samples <= LONG:
+    samples, each = sum(map(len, measurement.runs)), max(len(measurement.outputs), 1)
+    if each * samples <= LONG or (each > 1 and samples <= FEW):
         return measurement, ()
-    stride = -(-samples // KEPT)
+    stride = -(-samples // max(KEPT // each, min(FEWEST, KEPT)))
     spans = _spans(measurement)
     for tolerance in TOLERANCES:
         kept = [_samples(run, stride, spans, tolerance) for run in measurement.runs]
         count = sum(map(len, kept))
-        if count <= LONG or 4 * count <= samples:
+        if each * count <= LONG or 4 * count <= samples:
             runs = tuple(run.at(places) for run, places in zip(measurement.runs, kept, strict=True))
             said = (
-                f"The recording is long: of {plural(samples, 'sample')} {number(count)} are used, about every "
-                f"{stride}th and those at which inputs turn."
+                f"The recording is long: of {plural(samples, 'sample')} {number(count)} are used, about one in "
+                f"{stride} and those at which inputs turn."
             )
             return replace(measurement, runs=runs), (said,)
     return measurement, ()
 
 
 def _spans(measurement: Measurement) -> dict[str, float]:
-    """Range of each signal over all runs."""
+    """Range of each signal over all runs; inputs of one unit share the largest: the noise of a held one is no turn."""
     tables = [run.history.signals() for run in measurement.runs]
     names = dict.fromkeys(name for table in tables for name in table)
     found = {}
     for name in names:
         ends = [(np.nanmin(t[name]), np.nanmax(t[name])) for t in tables if name in t and len(t[name])]
         found[name] = float(max(high for _, high in ends) - min(low for low, _ in ends))
+    inputs = {name for run in measurement.runs for name in run.history.actuation}
+    for name in inputs:
+        alike = (other for other in inputs if other.rpartition("_")[2] == name.rpartition("_")[2])
+        found[name] = max(found[other] for other in alike)
     return found
 
 

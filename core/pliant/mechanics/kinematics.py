@@ -209,7 +209,7 @@ def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Arra
         if geometry.kind == "prismatic":
             position = position + np.einsum("tij,tj->ti", rotation, vectors[:, i])
         else:
-            rotation = rotation @ exp_map(vectors[:, i])
+            rotation = rotation @ _turned(vectors[:, i])
         if geometry.slide is not None:
             position = position + q[:, i, geometry.slide, None] * rotation[:, :, 0]
         markers[:, i + 1] = position
@@ -225,8 +225,14 @@ def orientations(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Ar
     for i in range(geometry.n_joints):
         rotations[:, i + 1] = rotations[:, i] @ geometry.rest_rotations[i]
         if geometry.kind != "prismatic":
-            rotations[:, i + 1] = rotations[:, i + 1] @ exp_map(vectors[:, i])
+            rotations[:, i + 1] = rotations[:, i + 1] @ _turned(vectors[:, i])
     return rotations
+
+
+def _turned(vectors: Array) -> Array:
+    """(t, 3, 3) rotations; where nothing was reached, or slopes are beyond all measure, nothing is shown."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return exp_map(vectors)
 
 
 def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:

@@ -99,9 +99,16 @@ def source_digest(source: bytes) -> str:
 
 def versions(modules: Iterable[str]) -> dict[str, str]:
     """Installed versions of the distributions that provide these modules."""
-    table = _distributions()
-    names = (one for module in modules for one in sorted(set(table.get(module.partition(".")[0], []))))
+    names = (one for module in modules for one in _providers(module.partition(".")[0]))
     return {name: importlib.metadata.version(name) for name in names}
+
+
+@cache
+def _providers(module: str) -> tuple[str, ...]:
+    """Distributions that provide a module: the one of its name, or those that the table of all of them tells."""
+    with suppress(importlib.metadata.PackageNotFoundError):
+        return (str(importlib.metadata.distribution(module).metadata["Name"]),)
+    return tuple(sorted(set(_distributions().get(module, []))))
 
 
 @cache

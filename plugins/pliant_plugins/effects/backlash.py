@@ -73,14 +73,7 @@ def _played_by_parts(half: float, spread: float, angle: Array) -> Array:
 
 
 def played(half: float, angle: Array) -> Array:
-    """(t,) the play operator of half the clearance; plain floats, for it hangs on its own past."""
-    if not len(angle):
-        return angle
-    held, read = float(angle[0]), []
-    for low, high in zip((angle - half).tolist(), (angle + half).tolist(), strict=True):
-        if held < low:
-            held = low
-        elif held > high:
-            held = high
-        read.append(held)
-    return np.array(read)
+    """(t,) the play operator of half the clearance."""
+    from pliant_plugins.effects.recurrences import behind_play
+
+    return np.asarray(behind_play(np.array(angle, float), half))

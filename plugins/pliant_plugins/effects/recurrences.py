@@ -109,3 +109,17 @@ def lacking(pressure, valve, steps, rate_1_s, filling_s, power, full):  # type: 
         settling = found[k - 1] - share * (start - slope / total)
         found[k] = share * (end - slope / total) + settling * math.exp(-total * step)
     return found
+
+
+@njit(cache=True, error_model="numpy")
+def behind_play(angle, half):  # type: ignore[no-untyped-def]
+    """The play operator (t,) of half the clearance: it stands still until the angle has left it behind by so much."""
+    found = np.empty(len(angle))
+    held = angle[0] if len(angle) else 0.0
+    for k in range(len(angle)):
+        if held < angle[k] - half:
+            held = angle[k] - half
+        elif held > angle[k] + half:
+            held = angle[k] + half
+        found[k] = held
+    return found

@@ -16,7 +16,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
-from pliant_plugins.physics.quasistatic.histories import LawTable, tabulate
+from pliant_plugins.physics.quasistatic.loop_laws import LawTable, tabulate
 from pliant_warp.config import MujocoWarpConfig
 from pliant_warp.kernels import drive, judge
 

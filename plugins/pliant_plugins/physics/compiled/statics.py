@@ -192,7 +192,7 @@ def _add(total, torsor, point, force):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
+def sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
     """Fills Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces if prismatic) and forces (n, 3), of what is beyond."""
     kind, masses = body[0], body[8]
     gravity, tip_force, payload = loads[1], loads[2], loads[4]
@@ -233,7 +233,7 @@ def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
 def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
     """Fills the frame and its residual at q (n, a); returns its largest entry and its norm, infinite if no number."""
     place(body, q, frame)
-    _sum_beyond(body, loads, frame)
+    sum_beyond(body, loads, frame)
     directions, tau, residual, moments, forces = frame[3], frame[5], frame[9], frame[10], frame[13]
     efforts(laws, q, loads[0], tau, frame[6], frame[7])
     n, a = q.shape

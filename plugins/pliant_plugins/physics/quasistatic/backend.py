@@ -36,7 +36,7 @@ from pliant_plugins.physics.stepping import Paths, Steppable, step_through
 
 if TYPE_CHECKING:
     from pliant_plugins.physics.quasistatic.compiled_solver import Packs
-    from pliant_plugins.physics.quasistatic.histories import HingeFollower
+    from pliant_plugins.physics.quasistatic.histories import Follower
 
 # Cases that a thread takes at a time.
 CASES_AT_ONCE = 32
@@ -198,7 +198,7 @@ class Quasistatic(PhysicsBackend):
 
     def __init__(self, config: QuasistaticConfig) -> None:
         super().__init__(config)
-        self._follower: HingeFollower | None = None
+        self._follower: Follower | None = None
         self._packs: Packs | None = None
 
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
@@ -239,24 +239,26 @@ class Quasistatic(PhysicsBackend):
             return simulation.settle()
 
     def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
-        followed = histories and chain.laws[0].joint == "revolute"
-        if not followed and (chain.terms or any(law.scalar() is None for law in chain.laws)):
+        spatial = chain.laws[0].joint != "revolute"
+        if (spatial or not histories) and any(law.behind()[0].scalar() is None for law in chain.laws):
+            return None
+        if not histories and chain.terms:
             return None
         from pliant_plugins.physics.compiled import is_cached  # numba takes a second
         from pliant_plugins.physics.quasistatic.kernel import is_compiled
 
-        if is_compiled() if followed else is_cached("equilibrium", "settle"):
+        if is_compiled(spatial) if histories else is_cached("equilibrium", "settle"):
             return None
         return "compiling the simulation, about twenty seconds; this happens once after an installation."
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:
-        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path."""
+        """In a compiled loop; chains with laws that cannot be compiled step by step, differences by their own paths."""
         if self._follower is None:
-            from pliant_plugins.physics.quasistatic.histories import HingeFollower  # numba takes a second
+            from pliant_plugins.physics.quasistatic.histories import Follower  # numba takes a second
 
-            self._follower = HingeFollower(self.config)
+            self._follower = Follower(self.config)
         if all(self._follower.takes(one) for one in (chain, *(v.chain for v in towards))):
             return self._follower.follow(chain, histories, towards)
         return step_through(self.build, chain, histories, towards, self.config.longest_step_s)

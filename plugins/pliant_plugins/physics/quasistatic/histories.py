@@ -1,7 +1,4 @@
-"""Histories of a hinge chain in the compiled loop: chain and runs as arrays, laws as tables of bicubic cells.
-
-Laws of several actuations are called as they are: tables over all of them would be large, or coarse.
-"""
+"""Histories of a chain in the compiled loop: chain and runs as arrays."""
 
 from __future__ import annotations
 
@@ -13,17 +10,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.interfaces.physics import Variation
-from pliant.mechanics.kinematics import base_rotations
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History, run_by_run
 from pliant.records.law import JointLaw
-from pliant.records.term import LawTerm
-from pliant_plugins.physics.compiled.laws import CompiledTerms, PackedLaws
-from pliant_plugins.physics.quasistatic.compiled_solver import Body
+from pliant.records.term import LawTerm, numbers_of
+from pliant_plugins.physics.compiled.laws import CompiledTerms
+from pliant_plugins.physics.quasistatic.compiled_solver import NO_BODIES, NO_ROWS, Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.kernel import follow
+from pliant_plugins.physics.quasistatic.joint_effort import new_space
+from pliant_plugins.physics.quasistatic.kernel import follow, follow_spatial
+from pliant_plugins.physics.quasistatic.loop_laws import (
+    ANGLE_NODES,
+    PRESSURE_NODES,
+    CalledLaws,
+    LawTable,
+    WideLaws,
+    is_wide,
+    tabulate,
+)
 from pliant_plugins.physics.stepping import Paths, check_driven, n_parts
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
@@ -61,6 +69,8 @@ class Drive(NamedTuple):
         )
         if not all(np.all(np.isfinite(values)) for values in drive):
             check_driven(chain, histories)
+        if chain.laws[0].joint == "prismatic" and drive.moment.any():
+            raise UserError("a chain of prismatic joints takes no end moment: leave moment_n_m at 0")
         return drive
 
 
@@ -97,89 +107,8 @@ class Clock(NamedTuple):
         return Clock(duration, start, specimen, len(names), n_parts(finite, longest_step_s))
 
 
-PRESSURE_NODES = 33
-ANGLE_NODES = 241
-# Cubic Hermite basis on [0, 1]: coefficients of 1, x, x², x³ from value and slope at both ends.
-HERMITE = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [-3, 3, -2, -1], [2, -2, 1, 1]], float)
-
-
-class LawTable(NamedTuple):
-    """cells (p, u, 4, 4): coefficients of xᵃ yᵇ in each; grid: first p, step, first u, step."""
-
-    cells: Array
-    grid: Array
-
-
-def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
-    """Cells over the given actuation and the law's domain with as much again on both sides.
-
-    Values and first slopes of τ agree with the law at the nodes; between them the error is of fourth order in
-    the spacing. A law without a domain is tabulated over ±π.
-    """
-    p = np.linspace(*actuation, PRESSURE_NODES)
-    low, high = law.domain.deformation[0]
-    if np.isfinite(low) and np.isfinite(high):
-        width = high - low
-        low, high = max(-np.pi, low - width), min(np.pi, high + width)
-    else:
-        low, high = -np.pi, np.pi
-    u = np.linspace(low, high, ANGLE_NODES)
-    grid_p, grid_u = np.meshgrid(p, u, indexing="ij")
-    effort = law.evaluate(grid_p.ravel(), grid_u.reshape(-1, 1))
-    shape, dp, du = grid_p.shape, p[1] - p[0], u[1] - u[0]
-    value = effort.tau.reshape(shape)
-    in_p, in_u = effort.dtau_dp.reshape(shape) * dp, effort.dtau_du.reshape(shape) * du
-    mixed = np.gradient(in_u, axis=0, edge_order=2)
-    corners = np.empty((len(p) - 1, len(u) - 1, 4, 4))
-    for row, (by_value, by_u) in enumerate(((value, in_u), (in_p, mixed))):
-        for end in range(2):
-            rows = slice(end, len(p) - 1 + end)
-            for side in range(2):
-                columns = slice(side, len(u) - 1 + side)
-                corners[:, :, 2 * row + end, side] = by_value[rows, columns]
-                corners[:, :, 2 * row + end, 2 + side] = by_u[rows, columns]
-    # HERMITE @ corners @ HERMITE.T of every cell, as one product of two matrices: much faster.
-    cells = corners.reshape(-1, 16) @ np.kron(HERMITE, HERMITE).T
-    return LawTable(cells.reshape(corners.shape), np.array([p[0], dp, u[0], du]))
-
-
-class WideLaws(NamedTuple):
-    """Laws of several actuations as the loop calls them: addresses (l,), spans (l, 2) of the parameters (P,).
-
-    `around` (l, 2) has α and γ of `JointLaw.behind`; then come as many zeros as a law may have actuations, and space
-    for one call: deformation, effort, its slopes by all of them and by the deformation.
-    """
-
-    addresses: Any
-    spans: Any
-    parameters: Array
-    around: Array
-    zeros: Array
-    at: Array
-    value: Array
-    by_a: Array
-    by_u: Array
-
-    @staticmethod
-    def of(laws: Sequence[JointLaw]) -> WideLaws | None:
-        """None where one of them has no scalar form."""
-        known = [law.behind() for law in laws]
-        packed = PackedLaws.of([law for law, _, _ in known])
-        if packed is None:
-            return None
-        around = np.array([number for _, *number in known], float).reshape(-1, 2)
-        most = max(packed.counts, default=1)
-        space = (np.zeros(most), np.empty(1), np.empty(1), np.empty(most), np.empty((1, 1)))
-        return WideLaws(packed.addresses, packed.spans, packed.parameters, around, *space)
-
-
-def is_wide(law: JointLaw) -> bool:
-    """Whether a law takes several actuations at once."""
-    return len(law.actuations) > 1
-
-
 @dataclass(eq=False)
-class HingeFollower:
+class Follower:
     """The compiled loop with the law tables that it need not make twice."""
 
     config: QuasistaticConfig
@@ -188,12 +117,11 @@ class HingeFollower:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it travels to a worker: without its tables."""
-        return HingeFollower, (self.config,)
+        return Follower, (self.config,)
 
     def takes(self, chain: ChainModel) -> bool:
-        """Whether the loop can follow this chain: hinges, with laws of one actuation or with a scalar form."""
-        hinges = chain.laws[0].joint == "revolute"
-        return hinges and WideLaws.of([law for law in chain.laws if is_wide(law)]) is not None
+        """Whether the loop can follow this chain: its laws have a scalar form, or are tabulated."""
+        return CalledLaws.of([law for law in chain.laws if not is_tabulated(law)]) is not None
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
         """See `PhysicsBackend.follow`."""
@@ -212,20 +140,55 @@ class HingeFollower:
             and np.array_equal(drive.angles, changes[k].angles)
             and np.array_equal(clock.duration, clocks[k].duration)
         ]
-        q, dq, converged = self._run(chain, drive, clock, [(towards[k].chain, changes[k]) for k in linear])
-        paths = _split(histories, q, converged)
+        still = [
+            k for k in linear if _same_numbers(chain, towards[k].chain) and _same_drive(drive, changes[k])
+        ]
+        moving = [k for k in linear if k not in still]
+        q, dq, converged = self._run(chain, drive, clock, [(towards[k].chain, changes[k]) for k in moving])
+        shape = (len(q), chain.n_joints, len(chain.axes))
+        paths = _split(histories, q.reshape(shape), converged)
         differences: dict[int, tuple[Followed, ...]] = {}
-        for row, k in enumerate(linear):
-            differences[k] = _split(histories, dq[row], converged)
+        for k in still:  # what is read changes, and no joint
+            differences[k] = _split(histories, np.zeros(shape), converged)
+        for row, k in enumerate(moving):
+            differences[k] = _split(histories, dq[row].reshape(shape), converged)
         for k in set(range(len(towards))) - set(linear):
             there, _, _ = self._run(towards[k].chain, changes[k], clocks[k], [])
-            differences[k] = _split(histories, there - q, converged)
+            differences[k] = _split(histories, (there - q).reshape(shape), converged)
         return paths, tuple(differences[k] for k in range(len(towards)))
 
     def _run(
         self, chain: ChainModel, drive: Drive, clock: Clock, towards: Sequence[tuple[ChainModel, Drive]]
     ) -> tuple[Array, Array, Any]:
-        body, terms = Body.of(chain), CompiledTerms.of(chain.terms, chain.n_joints)
+        """Coordinates (N, n·a), their changes (K, N, n·a) to first order, and whether each sample converged (N,)."""
+        terms = CompiledTerms.of(chain.terms, chain.n_joints)
+        hinges = chain.laws[0].joint == "revolute"
+        model, laws, body = (self._hinges if hinges else _spatial)(chain, terms, drive)
+        gravity = np.asarray(chain.gravity_m_s2, float)
+        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c, _ in towards]
+        gravities = [np.asarray(c.gravity_m_s2, float) for c, _ in towards]
+        loop: Any = follow if hinges else follow_spatial
+        units = np.tile(1.0 / ChainGeometry.of(chain).reach, chain.n_joints)
+        result: tuple[Array, Array, Any] = loop(
+            model,
+            terms.keeps,
+            laws,
+            body,
+            gravity,
+            tuple(drive[:5]),
+            tuple(clock),
+            (
+                _stack(parameters, terms.arrays[2]),
+                _stack(gravities, gravity),
+                *(_stack([d[k] for _, d in towards], drive[k]) for k in range(5)),
+            ),
+            (self.config.tolerance, self.config.max_iterations, self.config.max_turn, units),
+        )
+        return result
+
+    def _hinges(self, chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any, Any, Any]:
+        """Model, laws of the joints and body as `kernel.follow` takes them."""
+        body = Body.of(chain)
         wide = [law for law in chain.laws if is_wide(law)]
         narrow = [law for law in chain.laws if not is_wide(law)]
         # Where each law stands among those of its kind.
@@ -239,47 +202,27 @@ class HingeFollower:
         order = [(axis + 1) % 3, (axis + 2) % 3, axis]
         rests = np.ascontiguousarray(body.rests[:, order][:, :, order])
 
-        def stack(rows: Sequence[Array], like: Array) -> Array:
-            return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *like.shape))
-
-        gravity, flat = np.asarray(chain.gravity_m_s2, float), terms.arrays
-        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c, _ in towards]
-        gravities = [np.asarray(c.gravity_m_s2, float) for c, _ in towards]
         cells = [table.cells.ravel() for table in tables] or [np.zeros(0)]
-        drives = [(*chain.drives_of(joint), len(chain.laws[joint.law].actuations)) for joint in chain.joints]
-        result: tuple[Array, Array, Any] = follow(
-            (
-                flat,
-                cells[0] if len(cells) == 1 else np.concatenate(cells),
-                np.array([table.grid for table in tables]).reshape(-1, 4),
-                (PRESSURE_NODES - 1, ANGLE_NODES - 1),
-                np.array([actuator.sign for actuator in chain.actuators], float),
-                any(term.role != "moment" for term in chain.terms),
-                np.array(drives, np.int64),
-                tuple(WideLaws.of(wide) or ()),
-            ),
-            terms.keeps,
-            np.array([place[joint.law] for joint in chain.joints]),
-            (
-                body.position,
-                np.ascontiguousarray(base_rotations(body.rotation, drive.angles)[:, :, order]),
-                np.ascontiguousarray(body.offsets[:, order]),
-                rests,
-                np.array([np.array_equal(rest, np.eye(3)) for rest in rests]),
-                np.ascontiguousarray(body.arms[:, order]),
-                body.masses,
-            ),
-            gravity,
-            tuple(drive[:5]),
-            tuple(clock),
-            (
-                stack(parameters, flat[2]),
-                stack(gravities, gravity),
-                *(stack([d[k] for _, d in towards], drive[k]) for k in range(5)),
-            ),
-            (self.config.tolerance, self.config.max_iterations, self.config.max_turn),
+        model = (
+            terms.arrays,
+            cells[0] if len(cells) == 1 else np.concatenate(cells),
+            np.array([table.grid for table in tables]).reshape(-1, 4),
+            (PRESSURE_NODES - 1, ANGLE_NODES - 1),
+            np.array([actuator.sign for actuator in chain.actuators], float),
+            _is_split(chain),
+            _drives(chain),
+            tuple(WideLaws.of(wide) or ()),
         )
-        return result
+        placed = (
+            body.position,
+            np.ascontiguousarray(base_rotations(body.rotation, drive.angles)[:, :, order]),
+            np.ascontiguousarray(body.offsets[:, order]),
+            rests,
+            np.array([np.array_equal(rest, np.eye(3)) for rest in rests]),
+            np.ascontiguousarray(body.arms[:, order]),
+            body.masses,
+        )
+        return model, np.array([place[joint.law] for joint in chain.joints]), placed
 
     def _table(self, law: JointLaw, pressure: Array) -> LawTable:
         """The law's table; one for all actuations within the same power of two."""
@@ -295,6 +238,51 @@ class HingeFollower:
                     self.tables.pop(next(iter(self.tables)))
                 self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
             return self.tables[key][1]
+
+
+def is_tabulated(law: JointLaw) -> bool:
+    """Whether the loop reads a law off a table, so that it needs no scalar form: hinges under one actuation."""
+    return law.joint == "revolute" and not is_wide(law)
+
+
+def _spatial(chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any, Any, Any]:
+    """Model, laws of the joints and body as `kernel.follow_spatial` takes them."""
+    body, laws, a = Body.of(chain), CalledLaws.of(chain.laws), len(chain.axes)
+    assert laws is not None
+    model = (
+        terms.arrays,
+        tuple(laws),
+        np.array([actuator.turn(a) for actuator in chain.actuators], float).reshape(-1, a, a),
+        new_space(a, max(len(law.actuations) for law in chain.laws)),
+        np.array([actuator.sign for actuator in chain.actuators], float),
+        _is_split(chain),
+        _drives(chain),
+        np.zeros(len(chain.actuators)),
+    )
+    placed = (
+        body.kind,
+        np.ascontiguousarray(base_rotations(body.rotation, drive.angles)),
+        body.axes,
+        body.main,
+        *(body.position, body.offsets, body.rests, body.arms, body.masses, body.reach),
+        (NO_BODIES, NO_ROWS, np.zeros(0)),
+    )
+    return model, np.array([joint.law for joint in chain.joints]), placed
+
+
+def _drives(chain: ChainModel) -> Any:
+    """(n, 3) first and last (exclusive) actuator of each joint, and how many its law takes at once."""
+    spans = [(*chain.drives_of(joint), len(chain.laws[joint.law].actuations)) for joint in chain.joints]
+    return np.array(spans, np.int64)
+
+
+def _is_split(chain: ChainModel) -> bool:
+    """Whether a term acts on the elastic or the actuation part of the laws alone."""
+    return any(term.role != "moment" for term in chain.terms)
+
+
+def _stack(rows: Sequence[Array], like: Array) -> Array:
+    return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *like.shape))
 
 
 def _acting(chain: ChainModel, law: JointLaw, pressure: Array) -> Array:
@@ -327,6 +315,16 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
     )
 
 
+def _same_numbers(chain: ChainModel, other: ChainModel) -> bool:
+    """Whether two chains of the same body have the same gravity and term parameters."""
+    here, there = (numbers_of(one.terms, one.n_joints) for one in (chain, other))
+    return np.array_equal(chain.gravity_m_s2, other.gravity_m_s2) and np.array_equal(here, there)
+
+
+def _same_drive(drive: Drive, other: Drive) -> bool:
+    return other is drive or all(np.array_equal(a, b) for a, b in zip(drive, other, strict=True))
+
+
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:
-    pieces = zip(run_by_run(q[:, :, None], histories), run_by_run(converged, histories), strict=True)
+    pieces = zip(run_by_run(q, histories), run_by_run(converged, histories), strict=True)
     return tuple(Followed(*piece) for piece in pieces)

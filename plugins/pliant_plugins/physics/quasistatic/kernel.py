@@ -1,13 +1,10 @@
-"""Compiled: a hinge chain through histories, one equilibrium after another, with derivatives.
+"""Compiled: a chain through histories, one equilibrium after another, with derivatives.
 
-At each step Newton's method solves, joint by joint i,
-
-    R_i(q) = τ'_i(q_i) − M + a_i · Σ_{k ≥ i} (x_k − o_i) × F_k = 0
-
-with τ' the effort with law terms (`LawTerm`), M the end moment, a_i and o_i axis and origin of joint i, x_k and
-F_k the points beyond it and the forces on them. Derivatives follow by the implicit function theorem: with a
-small change δ of inputs, parameters and past, K dq = R(q; δ) − R(q) + ∂R/∂past δ, the first difference with the
-past as it was, K = −∂R/∂q, and memories change by what the step makes of the changed past at q + dq.
+At each step Newton's method solves R(q) = 0 for the coordinates in one line, (n·a,), with R the balance of
+`hinge_chain` for hinges and of `spatial_chain` for all other joints: the loop is compiled for either. Derivatives
+follow by the implicit function theorem: with a small change δ of inputs, parameters and past, K dq = R(q; δ) − R(q) +
+∂R/∂past δ, the first difference with the past as it was, K = −∂R/∂q, and memories change by what the step makes of the
+changed past at q + dq.
 
 Everything is plain loops over small arrays that are lent from function to function: counting references to them would
 cost more than the arithmetic.
@@ -17,28 +14,34 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
-from pliant_plugins.physics.compiled import arrays, discard_stale, efforts, laws, terms
+from pliant_plugins.physics.compiled import (
+    arrays,
+    discard_stale,
+    efforts,
+    equilibrium,
+    handles,
+    laws,
+    statics,
+    terms,
+)
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
+from pliant_plugins.physics.compiled.equilibrium import new_factor
+from pliant_plugins.physics.compiled.handles import apart, keep, kept
+from pliant_plugins.physics.compiled.statics import new_frame
 from pliant_plugins.physics.compiled.terms import combine, net_of_joint
-from pliant_plugins.physics.quasistatic import hinge
-from pliant_plugins.physics.quasistatic.hinge import (
-    by_the_past,
-    effort,
-    is_positive,
-    pose,
-    slope,
-    solve,
-    substitute,
-    weigh,
-)
+from pliant_plugins.physics.quasistatic import hinge, hinge_chain, joint_effort, small_systems, spatial_chain
+from pliant_plugins.physics.quasistatic.small_systems import is_positive, solve, substitute
 
-SOURCES = tuple(
-    Path(str(module.__file__)) for module in (sys.modules[__name__], hinge, arrays, efforts, laws, terms)
-)
+OF_HINGES = (hinge, hinge_chain)
+OF_OTHERS = (joint_effort, spatial_chain, statics, equilibrium)
+OF_BOTH = (sys.modules[__name__], small_systems, arrays, handles, efforts, laws, terms)
+SOURCES = tuple(Path(str(module.__file__)) for module in (*OF_BOTH, *OF_HINGES, *OF_OTHERS))
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
 # From a guess, steps that aim at this share of the tolerance.
@@ -46,65 +49,71 @@ CLOSER, CLOSER_STEPS = 1e-2, 2
 # Pseudo-transient continuation: iterations, and the turn of a joint that its first step aims at.
 RELAX_ITERATIONS = 300
 RELAX_TURN = 0.05
+# A saddle is left along a mode that grows, by this share of the longest turn: that mode takes so many multiplications.
+PUSH, MODE_STEPS = 0.2, 200
+# Curvature below this share of the largest is neutral within rounding.
+NEUTRAL = 1e-10
 # A joint that has turned so far (rad) has no equilibrium in reach.
 MOST_TURNED = 2.0 * np.pi
 
 
-@njit(cache=True, error_model="numpy")
+def _chosen(chain: Any, name: str) -> Any:
+    """The function of this name for the type of a chain: only that of hinges begins its body with an array."""
+    of_hinges = isinstance(chain.kind[2][0], types.Array)
+    return getattr(hinge_chain if of_hinges else spatial_chain, name)
+
+
 def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
-    model, laws, body, gravity = chain
-    base, p, f, opposed, hung, t, dt = now
-    before, old, new, states = memory
-    axes, origins, points, turned, load, residual, parts, _ = frame
-    pose(q, base, body, axes, origins, points)
-    weigh(axes, origins, points, body[6], hung, gravity, f, load, turned)
-    size = 0.0
-    for i in range(len(q)):
-        at = i * states
-        tau, part = effort(model, i, laws[i], q[i], before[i], dt, p, t, old, at, new, at)
-        parts[i, 0], parts[i, 1], parts[i, 2], parts[i, 3] = part
-        residual[i] = tau - opposed + load[i]
-        if not np.isfinite(residual[i]):
-            return np.inf
-        size = max(size, abs(residual[i]))
-    return size
 
 
-@njit(cache=True, error_model="numpy")
+@overload(_balance)
+def _balance_of(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
+    balance = _chosen(chain, "balance")
+    return lambda chain, now, q, memory, frame: balance(chain, now, q, memory, frame)
+
+
 def _stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the stiffness −∂R/∂q (n, n) at the q of the last balance."""
-    model = chain[0]
-    _, p, _, _, _, t, dt = now
-    before, old, _, states = memory
-    axes, _, _, turned, _, _, parts, scratch = frame
-    for i in range(len(q)):
-        x, y, z = turned[i, 0], turned[i, 1], turned[i, 2]
-        for h in range(i + 1):
-            value = -(axes[h, 0] * x + axes[h, 1] * y + axes[h, 2] * z)
-            stiffness[h, i] = value
-            stiffness[i, h] = value
-        part = (parts[i, 0], parts[i, 1], parts[i, 2], parts[i, 3])
-        stiffness[i, i] -= slope(model, i, q[i], before[i], dt, p, t, old, i * states, scratch, part)
+    """Fills the stiffness −∂R/∂q at the q of the last balance; returns whether it is symmetric."""
+
+
+@overload(_stiffen)
+def _stiffen_of(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
+    stiffen = _chosen(chain, "stiffen")
+    return lambda chain, now, q, memory, frame, stiffness: stiffen(chain, now, q, memory, frame, stiffness)
+
+
+def _misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
+    """Fills lines[1] with R(q; δ) − R(q) + ∂R/∂past δ; `then` and `past` are those of `_differentiate`."""
+
+
+@overload(_misfit)
+def _misfit_of(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
+    misfit = _chosen(chain, "misfit")
+    return lambda chain, then, now, q, memory, past, frame, lines, spare: misfit(
+        chain, then, now, q, memory, past, frame, lines, spare
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def _step(stiffness, residual, step, work, max_turn):  # type: ignore[no-untyped-def]
-    """Fills Newton's step; returns the share of it that turns no joint too far."""
+def _step(stiffness, symmetric, residual, step, work, options):  # type: ignore[no-untyped-def]
+    """Fills Newton's step; returns the share of it that moves no coordinate too far."""
+    apart()
+    _, _, max_turn, unit = kept(options)
     n = len(step)
     if n == 1:
         stiff = stiffness[0, 0]
         step[0] = residual[0] / (stiff if stiff > 1e-12 else abs(stiff) + 1e-9)
     else:
         copy(residual, step)
-        if is_positive(stiffness, 0.0, work):
+        if symmetric and is_positive(stiffness, 0.0, unit, work):
             substitute(work, step)
         else:
             copy_rows(stiffness, work)
             solve(work, step)
     longest = 0.0
     for i in range(n):
-        longest = max(longest, abs(step[i]))
+        longest = max(longest, abs(step[i]) * unit[i])
     return max_turn / longest if longest > max_turn else 1.0
 
 
@@ -116,7 +125,8 @@ def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
     step before. Where no equilibrium was reached, q and the memory are those before the step: what comes next begins
     there.
     """
-    before, old, new, _ = memory
+    apart()
+    before, old, new, _ = kept(memory)
     least = CLOSER_STEPS if guessed else 0
     while True:
         if _newton(chain, now, q, memory, frame, square, lines, options, least):
@@ -141,25 +151,27 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but
     it follows a long chain through curls and snaps, in which the residual must grow before it falls.
     """
-    tolerance, _, max_turn = options
-    stiffness, work = square
-    step, _ = lines
+    apart()
+    tolerance, _, _, unit = kept(options)
+    stiffness, work = kept(square)
+    step, _ = kept(lines)
+    before, residual = kept(memory)[0], kept(frame)[5]
     size = _balance(chain, now, q, memory, frame)
     damping = size / RELAX_TURN
     for _ in range(RELAX_ITERATIONS):
         if size <= tolerance or not np.isfinite(size):
             break
-        _stiffen(chain, now, q, memory, frame, stiffness)
+        symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
         shift = damping
-        while not is_positive(stiffness, shift, work) and shift < 1e12:
+        while not is_positive(stiffness, shift, unit, work) and shift < 1e12:
             shift = 2.0 * shift + 1e-12
         for i in range(len(q)):
-            stiffness[i, i] += shift
-        scale = _step(stiffness, frame[5], step, work, max_turn)
+            stiffness[i, i] += shift * unit[i]
+        scale = _step(stiffness, symmetric, residual, step, work, options)
         turned = 0.0
         for i in range(len(q)):
             q[i] += scale * step[i]
-            turned = max(turned, abs(q[i] - memory[0][i]))
+            turned = max(turned, abs(q[i] - before[i]) * unit[i])
         if turned > MOST_TURNED:
             return False
         reached = _balance(chain, now, q, memory, frame)
@@ -168,15 +180,16 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
     return size <= tolerance
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _newton(chain, now, q, memory, frame, square, lines, options, least):  # type: ignore[no-untyped-def]
     """Moves q toward equilibrium; returns whether it was reached. Frame and new memory are those at q.
 
     In its first `least` steps it aims closer than the tolerance.
     """
-    tolerance, max_iterations, max_turn = options
-    stiffness, work = square
-    step, trial = lines
+    tolerance, max_iterations, _, _ = kept(options)
+    stiffness, work = kept(square)
+    step, trial = kept(lines)
+    residual = kept(frame)[5]
     size, aim = _balance(chain, now, q, memory, frame), CLOSER * tolerance
     iteration = 0
     while (
@@ -185,8 +198,8 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
         and np.isfinite(size)
     ):
         iteration += 1
-        _stiffen(chain, now, q, memory, frame, stiffness)
-        scale = _step(stiffness, frame[5], step, work, max_turn)
+        symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+        scale = _step(stiffness, symmetric, residual, step, work, options)
         # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
         reached = size
         for _ in range(MAX_HALVINGS):
@@ -202,32 +215,80 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
 
 
 @njit(cache=True, error_model="numpy")
+def _leave_saddle(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
+    """Moves q from an equilibrium with the stiffness that the square holds to a stable one, if it is a saddle.
+
+    The mode that falls most is found by power iteration; of its two sides the one is taken on which the residual does
+    more work. Returns whether q has moved; frame and new memory are those at q.
+    """
+    apart()
+    _, _, max_turn, unit = kept(options)
+    stiffness, work = kept(square)
+    mode, start = kept(lines)
+    residual, n = kept(frame)[5], len(q)
+    largest = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += abs(stiffness[i, j])
+        largest = max(largest, total)
+    if not np.isfinite(largest) or is_positive(stiffness, NEUTRAL * largest, unit, work):
+        return False
+    for i in range(n):
+        mode[i] = 1.0 + 0.3 * (i % 3) - 0.1 * (i % 7)
+    curvature = 0.0
+    for _ in range(MODE_STEPS):
+        longest = 0.0
+        for i in range(n):
+            start[i] = largest * mode[i]
+            for j in range(n):
+                start[i] -= stiffness[i, j] * mode[j]
+            longest = max(longest, abs(start[i]) * unit[i])
+        for i in range(n):
+            mode[i] = start[i] / longest
+    for i in range(n):
+        for j in range(n):
+            curvature += mode[i] * stiffness[i, j] * mode[j]
+    if not curvature < 0.0:
+        return False
+    copy(q, start)
+    best, side = -np.inf, 1.0
+    for way in (1.0, -1.0):
+        done = 0.0
+        for share in (0.5, 1.0):  # Simpson's rule: the residual is nothing where it begins
+            for i in range(n):
+                q[i] = start[i] + way * share * PUSH * max_turn * mode[i]
+            _balance(chain, now, q, memory, frame)
+            for i in range(n):
+                done += (4.0 if share < 1.0 else 1.0) * way * residual[i] * mode[i]
+        if done > best:
+            best, side = done, way
+    back = start.copy()
+    for i in range(n):
+        q[i] = start[i] + side * PUSH * max_turn * mode[i]
+    if _relax(chain, now, q, memory, frame, square, lines, options):
+        return True
+    copy(back, q)
+    _balance(chain, now, q, memory, frame)
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive):  # type: ignore[no-untyped-def]
     """Changes of q and of the memory when parameters, inputs and past change a little.
 
     `then` holds the changed model, gravity, inputs and loads; `past` the changes of the past, which become those of
     the present. The square holds the stiffness and, where it is positive, its factor.
     """
-    model, gravity, p, f, opposed, hung, t = then
-    before, old, new, states = memory
-    before_v, old_v = past
-    axes, origins, points, _, plain_load, residual, parts, _ = frame
-    stiffness, work = square
-    load, right = lines
-    moved, scratch, turned = spare
-    laws, masses, dt = chain[1], chain[2][6], now[6]
-    copy(plain_load, load)
-    if hung != now[4] or not _same(f, now[2]) or not _same(gravity, chain[3]):
-        weigh(axes, origins, points, masses, hung, gravity, f, load, turned)
-    same, _, _, _ = chain
-    for i in range(len(q)):
-        at = i * states
-        tau, _ = effort(model, i, laws[i], q[i], before[i], dt, p, t, old, at, scratch, 0)
-        right[i] = tau - opposed + load[i] - residual[i]
-        if len(same[0][0]):
-            part = (parts[i, 0], parts[i, 1], parts[i, 2], parts[i, 3])
-            was, change = (old, at, states, moved), (before_v[i], old_v)
-            right[i] += by_the_past(same, i, q[i], before[i], dt, now[1], now[5], was, change, scratch, part)
+    apart()
+    model_handle, _, p, _, _, _, t = kept(then)
+    before, old, new, states = kept(memory)
+    before_v, old_v = kept(past)
+    stiffness, work = kept(square)
+    right, moved, scratch = kept(lines)[1], kept(spare)[0], kept(spare)[1]
+    dt, n_axes = kept(now)[6], len(q) // len(kept(chain)[1])
+    terms, _, _, _, signs, _, drives, _ = kept(model_handle)
+    _misfit(chain, then, now, q, memory, past, frame, lines, spare)
     if positive:
         substitute(work, right)
     else:
@@ -235,19 +296,14 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
         solve(work, right)
     for i in range(len(q)):
         if states:
-            net = net_of_joint(model[4], model[6], i, p)
-            at = i * states
+            joint, at = i // n_axes, i * states
+            net = net_of_joint(signs, drives, joint, p)
             for s in range(states):
                 moved[s] = old[at + s] + old_v[at + s]
-            combine(model[0], i, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
+            combine(terms, joint, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
             for s in range(states):
                 old_v[at + s] = scratch[s] - new[at + s]
         before_v[i] = right[i]
-
-
-@njit(cache=True, forceinline=True, error_model="numpy")
-def _same(a, b):  # type: ignore[no-untyped-def]
-    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
@@ -290,8 +346,9 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space):  # type: ignore[no-untyped-def]
     """The loop of `follow`, over arrays that its caller owns."""
-    model, keeps, laws, body, gravity, drive, clock, others, space = lent(
-        (model, keeps, laws, body, gravity, drive, clock, others, space)
+    apart()
+    model, keeps, laws, body, gravity, drive, clock, others, options, space = lent(
+        (model, keeps, laws, body, gravity, drive, clock, others, options, space)
     )
     duration, start, specimen, _, substeps = clock
     bases = body[1]
@@ -301,12 +358,14 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
     q, before, earlier, guess = angles
     old, new, kept = memories
     before_v, old_v, kept_v = changes
-    frame, lines = (*places, rows[0], rows[1], *scratch), (rows[2], rows[3])
+    frame, lines = keep((*places, rows[0], rows[1], *scratch)), keep((rows[2], rows[3]))
     p, p_v, f, f_v = inputs
-    chain = (model, laws, body, gravity)
-    n_samples, n, states, n_changes = len(start), len(laws), len(keeps), len(numbers_v)
-    memory = (before, old, new, states)
-    last_dt, trusted = np.inf, False
+    chain = keep((keep(model), laws, body, gravity))
+    stiffness, factor = square
+    square, spare, unit, options = keep(square), keep(spare), options[3], keep(options)
+    n_samples, n, states, n_changes = len(start), len(q), len(keeps), len(numbers_v)
+    memory = keep((before, old, new, states))
+    last_dt, trusted, buckles = np.inf, False, n > len(laws)  # out of the plane in which it is loaded
     for sample in range(n_samples):
         begins, owner = start[sample], specimen[sample]
         if begins:
@@ -323,7 +382,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
         for part in range(1, parts + 1):
             share = part / parts
             opposed, hung, t = _drive(drive, sample, share, begins, p, f)
-            now = (bases[sample], p, f, opposed, hung, t, dt)
+            now = keep((bases[sample], p, f, opposed, hung, t, dt))
             stretch = dt / last_dt if last_dt > 0.0 and np.isfinite(last_dt) and np.isfinite(dt) else 1.0
             _extrapolate(q, before, earlier, stretch, guess)
             guessed = trusted and _distance(guess, before) > 0.0
@@ -331,18 +390,22 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
                 copy(guess, q)
             if not _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
                 converged[sample] = False
+            elif buckles:
+                symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+                if symmetric and not is_positive(stiffness, 0.0, unit, factor):
+                    _leave_saddle(chain, now, q, memory, frame, square, lines, options)
             trusted = _distance(q, guess) < _distance(q, before)
             if n_changes:
-                _stiffen(chain, now, q, memory, frame, square[0])
-                positive = is_positive(square[0], 0.0, square[1])
+                symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+                positive = symmetric and is_positive(stiffness, 0.0, unit, factor)
                 for k in range(n_changes):
                     drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
                     opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
                     terms_v = (model[0][0], model[0][1], numbers_v[k], model[0][3])
                     tables = (model[1], model[2], model[3], model[4], model[5], model[6], model[7])
-                    other = (terms_v,) + tables
-                    then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
-                    past = (before_v[k], old_v[k])
+                    other = keep((terms_v,) + tables)
+                    then = keep((other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v))
+                    past = keep((before_v[k], old_v[k]))
                     _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive)
             copy(before, earlier)
             copy(q, before)
@@ -352,6 +415,24 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
         copy_rows(before_v, dq_all[:, sample])
         copy(old, kept[owner])
         copy_rows(old_v, kept_v[owner])
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _space(n, states, n_samples, n_changes, n_specimens, m):  # type: ignore[no-untyped-def]
+    """Arrays of a loop over n coordinates that both kinds of chains need."""
+    results = (
+        np.zeros((n_samples, n)),
+        np.zeros((n_changes, n_samples, n)),
+        np.ones(n_samples, dtype=np.bool_),
+    )
+    angles = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    memories = (np.zeros(n * states), np.zeros(n * states), np.zeros((n_specimens, n * states)))
+    kept_v = np.zeros((n_specimens, n_changes, n * states))
+    changes = (np.zeros((n_changes, n)), np.zeros((n_changes, n * states)), kept_v)
+    square = (np.zeros((n, n)), np.zeros((n, n)))
+    rows = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    inputs = (np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(3))
+    return results, angles, memories, changes, square, rows, inputs
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -373,39 +454,56 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
         drive: pressure (N, m), force (N, 3), moment (N,), payload (N,), temperature (N,).
         clock: duration (N,), start (N,), specimen (N,), number of specimens, substeps (N,).
         others: numbers, gravity and the five arrays of `drive` of K variations, stacked.
-        options: tolerance, iterations, longest turn of a joint in one of them.
+        options: tolerance, iterations, longest turn of a joint in one of them; (n,) what makes a turn of a coordinate.
 
     Returns:
         q (N, n), its changes (K, N, n) to first order, and whether each sample converged (N,).
     """
-    start, n_specimens = clock[1], clock[3]
-    n_samples, n, states, n_changes, m = len(start), len(laws), len(keeps), len(others[0]), len(model[4])
-    results = (
-        np.zeros((n_samples, n)),
-        np.zeros((n_changes, n_samples, n)),
-        np.ones(n_samples, dtype=np.bool_),
-    )
-    angles = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    memories = (np.zeros(n * states), np.zeros(n * states), np.zeros((n_specimens, n * states)))
-    kept_v = np.zeros((n_specimens, n_changes, n * states))
-    changes = (np.zeros((n_changes, n)), np.zeros((n_changes, n * states)), kept_v)
+    n, states = len(laws), len(keeps)
+    space = _space(n, states, len(clock[1]), len(others[0]), clock[3], len(model[4]))
+    results, angles, memories, changes, square, rows, inputs = space
     places = (np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n + 1, 3)), np.zeros((n, 3)))
-    scratch, square = (np.zeros((n, 4)), np.zeros(states)), (np.zeros((n, n)), np.zeros((n, n)))
-    rows = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    spare = (np.zeros(states), np.zeros(states), np.zeros((n, 3)))
-    inputs = (np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(3))
-    space = (results, angles, memories, changes, places, scratch, square, rows, spare, inputs)
-    _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space)
+    scratch, spare = (
+        (np.zeros((n, 4)), np.zeros(states)),
+        (np.zeros(states), np.zeros(states), np.zeros((n, 3))),
+    )
+    whole = (results, angles, memories, changes, places, scratch, square, rows, spare, inputs)
+    _walk(model, keeps, laws, body, gravity, drive, clock, others, options, whole)
+    return results
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _parts(n, a):  # type: ignore[no-untyped-def]
+    return np.zeros((n, a)), np.zeros((n, a)), np.zeros((n, a, a)), np.zeros((n, a, a)), np.zeros((n, a))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def follow_spatial(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
+    """`follow` of joints of any kind with a coordinates each: q is (N, n·a), changes (K, N, n·a).
+
+    Args:
+        model: see `joint_effort`; body: see `spatial_chain`; laws: (n,) which law each joint has.
+        keeps, gravity, drive, clock, others, options: as `follow` takes them.
+    """
+    n, a, states, m = len(laws), len(body[2]), len(keeps), len(model[4])
+    space = _space(n * a, states, len(clock[1]), len(others[0]), clock[3], m)
+    results, angles, memories, changes, square, rows, inputs = space
+    places = (new_frame(n, a, m), new_factor(n, a, 3), 0, 0)
+    scratch = (_parts(n, a), np.zeros(states))
+    spare = (np.zeros(states), np.zeros(n * a * states), _parts(n, a))
+    whole = (results, angles, memories, changes, places, scratch, square, rows, spare, inputs)
+    _walk(model, keeps, laws, body, gravity, drive, clock, others, options, whole)
     return results
 
 
 discard_stale(Path(follow.stats.cache_path), SOURCES)
 
 
-def is_compiled() -> bool:
-    """Whether machine code of `follow` is there, in this process or in numba's cache, as new as its sources."""
-    if follow.signatures:
+def is_compiled(spatial: bool = False) -> bool:
+    """Whether machine code of the loop is there, in this process or in numba's cache, as new as its sources."""
+    loop = follow_spatial if spatial else follow
+    if loop.signatures:
         return True
     source = max(path.stat().st_mtime for path in SOURCES)
-    cached = Path(follow.stats.cache_path).glob("kernel.follow-*.nbc")
+    cached = Path(loop.stats.cache_path).glob(f"kernel.{loop.__name__}-*.nbc")
     return any(file.stat().st_mtime >= source for file in cached)

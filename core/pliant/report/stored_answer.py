@@ -1,0 +1,137 @@
+"""What a verb says of a model and a measurement, found in the store when the same is asked again.
+
+An answer is its document without what draws it, its rendered page, and the files that stand beside the page. Its key
+holds the study, the numbers of the chain and of the measurement, the options, and the code of the verb, the engine, all
+effects and the page.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pliant import __version__
+from pliant.config.study import Study
+from pliant.pipeline.study import chain_of_study, physics_of_study
+from pliant.pipeline.workbench import Workbench, content, digest
+from pliant.records.chain import ChainModel
+from pliant.records.measurement import Measurement
+from pliant.records.plain_values import plain
+from pliant.records.remark import Rank
+from pliant.registry.files import FILE_MODULE, files_of
+from pliant.report.document import Document, Page, Table, Warned
+from pliant.report.render import page
+from pliant.store.content import content_digest
+from pliant.store.fingerprint import versions
+from pliant.store.store import Artifact
+
+LIBRARIES = ("numpy", "scipy", "numba", "matplotlib", "jinja2")
+# Of a document: plain values and tuples of them.
+TEXTS = ("kind", "title", "sentence", "answers", "points", "closing", "footer", "page", "version")
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A document with its rendered page, and the texts of files beside the page by their names."""
+
+    document: Document
+    made: Page
+    files: Mapping[str, str]
+    cached: bool = False
+
+    def render(self, document: Document) -> Page:
+        """The page; it is that of this answer's document."""
+        return self.made
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of a model and a measurement.
+
+    Attributes:
+        bench: with the store.
+        study: the study that is asked about, its effects included.
+        measurement: what it is held against.
+        options: JSON values that the answer depends on.
+        modules: that compute the answer; the stage is called after the first one.
+    """
+
+    bench: Workbench
+    study: Study
+    measurement: Measurement
+    options: Mapping[str, Any]
+    modules: Sequence[str]
+
+    def find(self, compute: Callable[[], Any]) -> Artifact:
+        """Return the answer from the store, or compute it and keep it."""
+        bench = self.bench
+        components = [c for c in bench.registry.components if c.interface == "effect" and c.missing() is None]
+        shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
+        return bench.make(
+            self.modules[0].rpartition(".")[2],
+            lambda partial: compute(),
+            components=[bench.component("physics", physics_of_study(bench, self.study)), *shipped],
+            modules=[*self.modules, __name__, "pliant.report.render", "pliant.formatting"],
+            config={
+                "study": content(self.study),
+                "options": dict(self.options),
+                "chain": _chain_digest(chain_of_study(bench, self.study).chain),
+                "measurement": content_digest(self.measurement),
+                "effects": sorted(component.kind for component in components),
+                "files": [digest(Path(file)) for file in files_of(bench.registry)],
+                "libraries": {"pliant": __version__, **versions(LIBRARIES)},
+            },
+            inputs={},
+        )
+
+
+def stored_answer(question: Question, compute: Callable[[], tuple[Document, Mapping[str, str]]]) -> Answer:
+    """Return the document that answers a question, from the store where it is there.
+
+    Args:
+        question: what is asked.
+        compute: gives the document, and the texts of files that stand beside its page by their names.
+    """
+
+    def work() -> dict[str, Any]:
+        document, files = compute()
+        made = page(document)
+        pictures = dict(made.pictures)
+        return {"document": _tree(document), "html": made.html, "pictures": pictures, "files": dict(files)}
+
+    artifact = question.find(work)
+    value = artifact.value
+    made = Page(value["html"], value["pictures"])
+    return Answer(_document(value["document"]), made, value["files"], artifact.cached)
+
+
+def _chain_digest(chain: ChainModel) -> str:
+    laws = [law.record() for law in chain.laws]
+    numbers = [getattr(chain, f.name) for f in dataclasses.fields(chain) if f.name not in ("laws", "terms")]
+    return content_digest(laws, *numbers)
+
+
+def _tree(document: Document) -> dict[str, Any]:
+    """The document as JSON values."""
+    brief = [block if isinstance(block, str) else dataclasses.asdict(block) for block in document.brief]
+    warnings = [{**dataclasses.asdict(one), "rank": int(one.rank)} for one in document.warnings]
+    texts = {name: getattr(document, name) for name in TEXTS}
+    return {**texts, "data": plain(dict(document.data)), "brief": brief, "warnings": warnings}
+
+
+def _document(tree: Mapping[str, Any]) -> Document:
+    """The document of a tree, which nothing draws any more: its page is rendered."""
+    texts = {name: _tuples(tree[name]) for name in TEXTS}
+    brief = tuple(block if isinstance(block, str) else Table(**block) for block in tree["brief"])
+    warnings = tuple(
+        Warned(one["sentence"], tuple(one["items"]), one["folded"], Rank(one["rank"]))
+        for one in tree["warnings"]
+    )
+    return Document(**texts, data=tree["data"], brief=brief, warnings=warnings)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list | tuple) else value
