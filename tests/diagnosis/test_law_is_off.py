@@ -1,4 +1,4 @@
-"""The error of the joint law as part of every hypothesis: its algebra, made-up laws that are off, and the trials of outside use."""
+"""The law's own error in every hypothesis: its algebra, made-up laws that are off, and the trials of outside use."""
 
 from __future__ import annotations
 
