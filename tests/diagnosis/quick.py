@@ -166,8 +166,8 @@ def measured(
 
 
 def predictor_of(chain: ChainModel, measurement: Measurement, *effects: EffectConfig) -> Predictor:
-    """The chain driven by the measurement's histories; its law is exact and said to be so to 0.2 %."""
-    return Predictor(BENCH, ENGINE, chain, measurement, effects, law_error=0.002)
+    """The chain driven by the measurement's histories; its law is exact and said to be so to 0.05 %."""
+    return Predictor(BENCH, ENGINE, chain, measurement, effects, law_error=0.0005)
 
 
 def fitter_of(predictor: Predictor, sigma: float = SIGMA) -> Fitter:

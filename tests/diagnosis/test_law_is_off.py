@@ -6,11 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import BENCH, ENGINE, effect, joint, measured, rich
+from tests.diagnosis.bench_files import STUDY, bench, study
+from tests.diagnosis.quick import BENCH, ENGINE, REGISTRY, effect, joint, measured, rich
 
 from pliant import api
+from pliant.config.loading import load_study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.evidence_table import LAW, NOTHING
+from pliant.diagnosis.extension import write_extended_study
+from pliant.diagnosis.improvement import improve
 from pliant.diagnosis.law_discrepancy import (
     USUAL,
     LawErrorPrior,
@@ -114,6 +118,34 @@ def test_what_leaves_more_than_the_noise_is_never_over_99_percent() -> None:
     for kinds, probability in found.judgement.probability.items():
         if kinds in left and left[kinds] > 2.2 * found.noise.floor_square:
             assert probability < 0.99
+
+
+SURFACE = effect(
+    "learned",
+    acts_on="moment",
+    covariates=[
+        {"name": "actuation", "low": 0.0, "high": 15e3},
+        {"name": "angle", "low": -0.1, "high": 0.45},
+    ],
+    value=(6e-4 * np.sin(np.add.outer(np.linspace(0.0, 5.0, 6), np.linspace(0.0, 3.0, 6)))).tolist(),
+)
+
+
+def test_improve_corrects_the_law_as_its_last_step_and_a_study_holds_it(tmp_path: Path) -> None:
+    text = STUDY.replace("law_error: 0.2 %  # it is exact\n", "")
+    measurement = bench(tmp_path, SURFACE, effect("backlash"), text=text)
+    loaded = study(tmp_path, text)
+    found = improve(BENCH, loaded, measurement, kinds=["backlash", "sensor_bias"])
+    assert [step.cause for step in found.steps] == ["", "named", "law"]
+    assert found.steps[-1].locked.over_floor < found.steps[-2].locked.over_floor
+    assert (
+        found.steps[-1].named == "the law's own error" and "The law itself is off by" in found.steps[-1].why
+    )
+    target = tmp_path / "new.yaml"
+    write_extended_study(
+        tmp_path / "joint.yaml", target, loaded, (), found.final, "a note", REGISTRY, learned=found.learned
+    )
+    assert load_study(target, REGISTRY).effects[-1] == found.steps[-1].learned.effect
 
 
 def trial(name: str) -> Diagnosis:

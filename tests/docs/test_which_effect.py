@@ -11,6 +11,7 @@ from tests.docs.pages import ASK_FEW, FEW_EFFECTS, blocks, commands, run, text_o
 from pliant import api
 from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import SEPARABLE
+from pliant.diagnosis.law_discrepancy import EXACT, USUAL
 from pliant.diagnosis.verdict import Verdict
 
 PAGE = text_of("which_effect")
@@ -43,7 +44,9 @@ def test_the_verdicts_and_thresholds_are_those_of_the_code():
         f"a third effect pays {THRESHOLDS.third_effect:g} more",
         f"any form, and pays {THRESHOLDS.unknown:g}",
         f"the evidences over {THRESHOLDS.temperature:g}",
-        f"{THRESHOLDS.excited:g} noise floors, because the joint law",
+        f"{THRESHOLDS.beside_law_error:g} noise floors ({THRESHOLDS.excited:g} where the law's error cannot",
+        f"a probability of {100 * EXACT:g} % the law is exact",
+        f"log-normal about {100 * USUAL.median:g} %",
         f"{100 * THRESHOLDS.model_form_tolerance:g} % of what the best simpler explanation explains",
         f"{100 * THRESHOLDS.unknown_form_tolerance:g} % of what the best listed explanation explains",
         f"has at least {100 * THRESHOLDS.believed:g} %",

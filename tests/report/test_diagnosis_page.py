@@ -27,6 +27,7 @@ from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
+from pliant.records.term import LawTerm
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
 from pliant.report.diagnosis_tables import (
     detectable_table,
@@ -43,10 +44,15 @@ from pliant.report.render import page as rendered
 FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
 
 
+def ridge(angle, rate, dt, p, t, old, new, c):
+    """An error of the law across actuation and angle, N·m."""
+    return c[0] / (1.0 + ((p / 15e3 - 0.45 + 0.4 * angle) / 0.25) ** 2)
+
+
 @cache
 def made(verdict):
     """A measurement whose diagnosis has this verdict, and the diagnosis."""
-    chain, kinds = joint(), FEW
+    chain, kinds, law_error = joint(), FEW, 1e-5
     if verdict == "missing_effect":
         measurement = measured(chain, rich(), effect("viscoelastic"))
     elif verdict == "nothing_missing":
@@ -59,11 +65,17 @@ def made(verdict):
     elif verdict == "ambiguous":
         chain = joint(gravity=(0, 0, 0))
         measurement = measured(chain, poor(3), effect("stiffness", factor=1.15))
+    elif verdict == "law_off":
+        law_error = None
+        truth = chain.with_(terms=(LawTerm("moment", ridge, (5e-4,)),))
+        measurement = measured(truth, rich())
     elif verdict == "not_repeatable":
         measurement = measured(chain, rich(), offset=0.02)
     else:
         measurement = measured(chain, [ramp("only", 500.0, 10.0)])
-    found = diagnose(predictor_of(chain, measurement), kinds=kinds)
+    predictor = predictor_of(chain, measurement)
+    predictor.law_error = law_error
+    found = diagnose(predictor, kinds=kinds)
     assert found.verdict == verdict
     return measurement, found
 
@@ -91,6 +103,7 @@ HEADLINES = {
     "missing_effect": "Missing: viscoelastic.",
     "ambiguous": "These data do not decide",
     "nothing_missing": "Nothing is missing",
+    "law_off": "No effect is missing; the joint law is off by",
     "unknown_effect": "it is not in the list",
     "not_repeatable": "does not repeat",
     "insufficient_data": "cannot tell",

@@ -102,7 +102,8 @@ def _term(
     left = heldout_residual(fit, folds)
     root = np.sqrt(fit.law.precision) * fit.law.size * (basis.directions @ fit.law.posterior_root())
     covariance = root @ root.T
-    value, sd = basis.directions @ fit.law.coefficient, np.sqrt(np.diag(covariance))
+    value = basis.directions @ fit.law.coefficient
+    sd = np.array([float(f"{x:.2g}") for x in np.sqrt(np.diag(covariance))])
     scale = 1.0 / np.sqrt(noise.floor_square) if noise.floor_square > 0.0 else np.nan
     before, after = (float(np.sqrt(np.mean(one**2))) * scale for one in (without, left))
     apart = float(np.sqrt(np.sum((without - left) ** 2) * len(left) / max(noise.n_effective, 2.0)))
@@ -111,7 +112,7 @@ def _term(
     value = np.round(value, digits)
     config = basis.config(predictor)
     return LearnedTerm(
-        effect=config.model_validate(basis.form.block(value, np.array([float(f"{x:.2g}") for x in sd]))),
+        effect=config.model_validate(basis.form.block(value, sd)),
         form=basis.form,
         value=value,
         sd=sd,
