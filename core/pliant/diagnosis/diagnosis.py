@@ -55,7 +55,7 @@ from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
-from pliant.formatting import listed, whole_percent
+from pliant.formatting import listed, percent, whole_percent
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
 from pliant.measurements.repeats import repeat_groups
@@ -367,7 +367,7 @@ def law_words(off: LawOff, beside: Kinds) -> str:
     """How far the law is off beside the best explanation, and what can be done about it."""
     more = f"Beside {' + '.join(beside)} the" if beside else "The"
     return (
-        f"{more} law is off {off.words}, by {off.size:.1%} of its torque range, which explains "
+        f"{more} law is off {off.words}, by {percent(off.size)} of its torque range, which explains "
         f"{whole_percent(off.share)} of the squared error{' that is left' if beside else ''}. Solve FEM states there, "
         "try another surrogate or material, or let 'pliant improve' add the correction."
     )

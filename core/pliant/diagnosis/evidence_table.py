@@ -195,12 +195,12 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     """
     n = max(table.noise.n_effective, 2.0)
     found = {}
+    paid_square = paid_squares(table, thresholds)
     for kinds, row in table.rows.items():
-        square = max(row.mean_square, LEAST_SQUARE)
         price = thresholds.price(len(kinds), table.n_candidates)
         paid = 0.5 * row.n_parameters * np.log(n) + price + row.form_price + row.law_price + row.prior_price
-        found[kinds] = -0.5 * n * np.log(square) - _unpaid(table, kinds, n, thresholds) - paid
-    _pay_rivals(table, found, n, thresholds)
+        found[kinds] = -0.5 * n * np.log(paid_square[kinds]) - paid
+    _pay_rivals(table, found, paid_square, n, thresholds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
@@ -210,22 +210,23 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     return found
 
 
-def _unpaid(table: EvidenceTable, kinds: Kinds, n: float, thresholds: EvidenceThresholds) -> float:
-    """Return log-evidence that is no merit of these effects: smaller hypotheses may leave as much by themselves.
+def paid_squares(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
+    """Return S* of each row: S with its allowance.
 
-    Beside a law that may be off it never takes more than `reversed_gain` beyond what would make the set as good as the
-    best smaller one: an effect's merit may be that the law need not be off.
+    Beside a law that may be off the allowance makes no set worse than the best smaller one by more than
+    `reversed_gain` in log-evidence: an effect's merit may be that the law need not be off.
     """
-    mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
-    if not np.isfinite(mine):
-        return 0.0
-    lost = 0.5 * n * float(np.log((mine + _allowance(table, kinds, thresholds)) / mine))
-    smaller = [key for key in table.rows if len(key) < len(kinds)]
-    if not (table.has_law_error and smaller):
-        return lost
-    best = min(smaller, key=lambda key: table.rows[key].mean_square)
-    gained = 0.5 * n * float(np.log(max(table.rows[best].mean_square, mine) / mine))
-    return min(lost, gained + _unpaid(table, best, n, thresholds) + thresholds.reversed_gain)
+    n = max(table.noise.n_effective, 2.0)
+    paid: dict[Kinds, float] = {}
+    for kinds in sorted(table.rows, key=len):
+        mine = max(table.rows[kinds].mean_square, LEAST_SQUARE)
+        square = mine + _allowance(table, kinds, thresholds)
+        smaller = [value for key, value in paid.items() if len(key) < len(kinds)]
+        if table.has_law_error and smaller and np.isfinite(mine):
+            most = max(min(smaller), mine) * float(np.exp(min(2.0 * thresholds.reversed_gain / n, 50.0)))
+            square = min(square, most)
+        paid[kinds] = square
+    return paid
 
 
 def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
@@ -243,7 +244,11 @@ def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
 
 
 def _pay_rivals(
-    table: EvidenceTable, found: dict[Kinds, float], n: float, thresholds: EvidenceThresholds
+    table: EvidenceTable,
+    found: dict[Kinds, float],
+    paid: Mapping[Kinds, float],
+    n: float,
+    thresholds: EvidenceThresholds,
 ) -> None:
     """No hypothesis gets more against a rival of its size than is due to it, in place.
 
@@ -267,7 +272,7 @@ def _pay_rivals(
                 continue
             explained = table.rows[shared].mean_square - top
             allowed = _allowance(table, kinds, thresholds)
-            lost = 0.5 * n * np.log((mine + allowed) / (top + allowed))
+            lost = max(0.5 * n * float(np.log(paid[kinds] / paid[best])), 0.0)
             if explained > 0.0:
                 rows = [table.rows[key] for key in (kinds, best, shared)]
                 due = max(

@@ -50,6 +50,7 @@ from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
+from pliant.formatting import percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.repeats import repeat_groups
@@ -225,8 +226,9 @@ class _Walk:
         effects = (*self.effects, term.effect)
         residuals = self.ground.residuals(effects, self.measurement)
         why = (
-            f"The law itself is off {off.words}, {off.size:.1%} of its torque range: a smooth surface over actuation "
-            f"and deformation corrects it where these runs went, and nowhere else. It takes the error on {term.on} "
+            f"The law itself is off {off.words}, {percent(off.size)} of its torque range: a smooth surface over "
+            "actuation and deformation corrects it where these runs went, and nowhere else. It takes the error on "
+            f"{term.on} "
             f"from {term.before:.2f} to {term.after:.2f} times the noise."
         )
         whole = [len(run) for run in found.measurement.runs] == [

@@ -46,10 +46,10 @@ from pliant.registry.discovery import Registry
 
 MOST_EFFECTS = 3
 # Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
-SCREENED = 8
+SCREENED = 10
 EXCHANGED = 3
 # So many singles that lead are tried with every other effect beside them.
-PAIRED = 4
+PAIRED = 10
 # So many sets that lead their size are asked whether a relative of their equations fits better.
 BENT, BENT_LARGER = 5, 2
 # A hypothesis with so much less log-evidence than the best is not made more exact.

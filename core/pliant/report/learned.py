@@ -9,7 +9,7 @@ import numpy as np
 from pliant.diagnosis.law_off import LawOff
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import covariate_words, described, quantity
-from pliant.formatting import display_unit, whole_percent
+from pliant.formatting import display_unit, percent, whole_percent
 from pliant.mechanics.learned_curve import basis
 from pliant.report.document import Picture, Section, capital
 from pliant.report.figures import style
@@ -56,7 +56,7 @@ def law_section(found: LawOff | None) -> Section | None:
         "the data end."
     )
     text = (
-        f"The law is off {found.words}. Its error is {found.size:.1%} of the torque range "
+        f"The law is off {found.words}. Its error is {percent(found.size)} of the torque range "
         f"({display_unit('N*m').text(found.effort, 3)}) and explains {whole_percent(found.share)} of the squared "
         "error.",
         f"On {found.term.on} of the fit the error is {found.term.before:.2f} times the noise with the law as it is "
