@@ -176,6 +176,8 @@ class EvidenceThresholds:
 THRESHOLDS = EvidenceThresholds()
 # Mean squares below this, a thousandth of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
+# What an error of the law of the usual size costs in log-odds, about.
+USUAL_LAW_PRICE = 30.0
 # Excess over the noise's square at which an effect outside the list is as likely as the hypothesis that leaves it.
 OUTSIDE = 5.0
 # Log-odds of an error of the law from which it is stated as one.
@@ -359,12 +361,15 @@ def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
 
 
 def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
-    """Whether a further effect could pay its price if it reached the noise floor, and with it the law were exact."""
+    """Whether a further effect could pay its price if it reached the noise floor, and with it the law's error were one
+    of a usual price.
+    """
     n = max(table.noise.n_effective, 2.0)
     now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(min(floor + _left_over(table, kinds, thresholds), now), 1e-12)
-    gain = 0.5 * n * np.log(max(now, 1e-12) / reach) + table.rows[kinds].law_price
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
+    gain += max(table.rows[kinds].law_price - USUAL_LAW_PRICE, 0.0)
     size = len(kinds)
     price = thresholds.price(size + 1, table.n_candidates) - thresholds.price(size, table.n_candidates)
     return bool(gain > price + 0.5 * np.log(n))
