@@ -18,6 +18,7 @@ surrogate:
   form: study
   odd: true
   coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, m_e: 0.1012, b_e: 0.0245}
+law_error: 0.1 %
 chain: {modules: 1, module_length: 80 mm, module_mass: 40 g, gravity: [0, 0, 0]}
 physics: quasistatic
 task: {kind: free_bending, pressure: 15 kPa}

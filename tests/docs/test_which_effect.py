@@ -44,7 +44,7 @@ def test_the_verdicts_and_thresholds_are_those_of_the_code():
         f"a third effect pays {THRESHOLDS.third_effect:g} more",
         f"any form, and pays {THRESHOLDS.unknown:g}",
         f"the evidences over {THRESHOLDS.temperature:g}",
-        f"{THRESHOLDS.beside_law_error:g} noise floors ({THRESHOLDS.excited:g} where the law's error cannot",
+        f"{THRESHOLDS.excited:g} noise floors, because the smooth form",
         f"a probability of {100 * EXACT:g} % the law is exact",
         f"log-normal about {100 * USUAL.median:g} %",
         f"{100 * THRESHOLDS.model_form_tolerance:g} % of what the best simpler explanation explains",

@@ -174,7 +174,9 @@ class OpenModel:
         """What effects are fitted on: the training runs, as `pliant improve` has them."""
         bare = self.study.model_copy(update={"effects": ()})
         plain = Predictor.of_study(self.bench, bare, self.split.training)
-        watched = WatchedPredictor(plain.bench, plain.backend, plain.chain, self.split.training)
+        watched = WatchedPredictor(
+            plain.bench, plain.backend, plain.chain, self.split.training, law_error=plain.law_error
+        )
         return Ground(watched, self.split.training, repeat_groups(self.split.training))
 
     def effects(self, values: Effects) -> tuple[EffectConfig, ...]:

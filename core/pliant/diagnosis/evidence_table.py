@@ -87,10 +87,6 @@ class EvidenceTable:
     shares: tuple[float, ...] = ()
     has_law_error: bool = False
 
-    def law_allowance(self, thresholds: EvidenceThresholds) -> float:
-        """Return the mean square that a law which is slightly off may leave, and that no effect is paid for."""
-        return (thresholds.beside_law_error if self.has_law_error else thresholds.excited) ** 2
-
     @property
     def nothing(self) -> Row:
         """The row of the model as it is."""
@@ -145,7 +141,6 @@ class EvidenceThresholds:
             or a form that is not quite ours.
         excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
             that an effect is paid only for what it explains beyond that.
-        beside_law_error: the same where the law's own error is part of every hypothesis: what its smooth form leaves.
         reversed_gain: log-odds that a further effect loses at most for explaining nothing but what smaller sets may
             leave by themselves.
         law_form_tolerance: share of what the law's own error explains that may be left over because it is taken to
@@ -164,7 +159,6 @@ class EvidenceThresholds:
     drift: float = 0.3
     fewest: float = 12.0
     excited: float = 0.3
-    beside_law_error: float = 0.2
     law_form_tolerance: float = 0.0025
     reversed_gain: float = 6.0
 
@@ -317,7 +311,7 @@ def _due_to_one(
 def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
     """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
-    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + table.law_allowance(thresholds)
+    return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
 
 
 def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
@@ -416,12 +410,12 @@ def _left_over(
     tolerance = varies * thresholds.model_form_tolerance if form is None else form
     by_law = table.rows[kinds].explained_by_law
     off = thresholds.law_form_tolerance * (by_law if np.isfinite(by_law) else 0.0)
-    return table.law_allowance(thresholds) + off + tolerance * max(explained, 0.0)
+    return thresholds.excited**2 + off + tolerance * max(explained, 0.0)
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
     """What hypotheses with fewer effects may leave, the best of each size: no merit of any further effect."""
-    left = [table.law_allowance(thresholds)] if kinds else [0.0]
+    left = [thresholds.excited**2] if kinds else [0.0]
     for size in range(len(kinds)):
         smaller = [key for key in table.rows if len(key) == size]
         if smaller:

@@ -387,7 +387,6 @@ def _outcome(
         return None
     root = np.sqrt(view.worth[rows] / belief.square)
     plain = looks[NOTHING].values[rows] * root
-    off = belief.thresholds.excited if not view.law_columns.shape[1] else belief.thresholds.beside_law_error
     contenders = []
     for kinds in belief.contenders:
         fit, mean, slopes = belief.fits[kinds], looks[kinds].values[rows], looks[kinds].slopes[rows]
@@ -397,7 +396,7 @@ def _outcome(
         else:
             fit = replace(fit, residual=fit.raw, law=None)
         mean, slopes = mean * root, slopes * root[:, None]
-        form = off**2 * float(root @ root)
+        form = belief.thresholds.excited**2 * float(root @ root)
         form += belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
         known = information_of(fit, belief.n_effective, belief.square)
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))

@@ -167,6 +167,8 @@ def _timed(predictor: Predictor) -> list[_Timed]:
     }
     most = max(spans.values(), default=0.0)
     names = [name for name in names if spans.get(name, 0.0) > 0.05 * most]
+    if not names:
+        return []
     found, first = [], 0
     for run in chosen:
         rows = slice(first, first + len(run))
