@@ -29,10 +29,10 @@ from benchmarks.evidence.truths import UNKNOWN
 from benchmarks.output import Bar, write
 
 from pliant import api
-from pliant.diagnosis.fitting import readings_over_floor, score
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.left_out import condition_of_runs
 from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.readings import readings_over_floor, score
 from pliant.diagnosis.test_split import lock
 from pliant.evidence.places import residuals_of
 from pliant.evidence.prediction import Predictor

@@ -24,8 +24,9 @@ from benchmarks.real.recordings import MEASURED, missing, write_rows
 
 from pliant import api
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.extension import Ground
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.fitting import Fitter
 from pliant.records.design import Array
 
 PSI_PA = 6894.757

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet, FitParameter
-from pliant.diagnosis.fitting import Fitter, ReadingVector
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.prediction import Prediction
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.history import History

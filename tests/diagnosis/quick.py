@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from pliant.diagnosis.fitting import Fitter, ReadingVector
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.pipeline.workbench import Workbench

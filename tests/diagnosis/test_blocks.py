@@ -9,7 +9,8 @@ import pytest
 from tests.diagnosis.quick import REGISTRY, measurement_of, rich
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import EffectFit, ReadingVector
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.steps import shapes_at_bound
 from pliant.diagnosis.unseen import best_of, block_squares, prediction_gain
 

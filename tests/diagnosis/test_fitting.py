@@ -23,7 +23,8 @@ from tests.diagnosis.quick import (
 
 from pliant.diagnosis import fitting
 from pliant.diagnosis.candidates import PRIOR_WEIGHT, EffectSet
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.left_out import _bounded, condition_of_runs, heldout_residual
 from pliant.evidence.prediction import Predictor
 

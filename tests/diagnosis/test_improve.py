@@ -9,9 +9,9 @@ from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, effect, measur
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, folded, labels_before_the_picture
 
-from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.improvement import _Walk, improve
 from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import Score
 from pliant.diagnosis.test_split import lock
 from pliant.evidence.prediction import Predictor
 from pliant.report.figures import learning, style

@@ -15,13 +15,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.evidence_table import LAW, NOTHING
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve
-from pliant.diagnosis.law_discrepancy import (
-    USUAL,
-    LawErrorPrior,
-    Whitener,
-    estimate,
-    precision_of,
-)
+from pliant.diagnosis.law_posterior import USUAL, LawErrorPrior, Whitener, estimate, precision_of
 from pliant.evidence.prediction import Predictor
 from pliant.records.term import LawTerm
 

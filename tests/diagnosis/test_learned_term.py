@@ -22,11 +22,11 @@ from pliant.config.loading import load_study
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.diagnosis import diagnose, why
 from pliant.diagnosis.extension import write_extended_study
-from pliant.diagnosis.fitting import readings_over_floor
 from pliant.diagnosis.improvement import improve
 from pliant.diagnosis.learned_term import learn
 from pliant.diagnosis.left_out import condition_of_runs
 from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.readings import readings_over_floor
 from pliant.errors import UserError
 from pliant.evidence.places import residuals_of
 from pliant.measurements.repeats import repeat_groups

@@ -9,9 +9,9 @@ import pytest
 from tests.diagnosis.quick import REGISTRY, effect, fitter_of, joint, measured, predictor_of, rich
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import Excitation, excitations
-from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.search import MOST_EFFECTS, Directions, HypothesisSearch
 
 KINDS = tuple("abcdef")

@@ -11,7 +11,7 @@ from tests.docs.pages import ASK_FEW, FEW_EFFECTS, blocks, commands, run, text_o
 from pliant import api
 from pliant.diagnosis.evidence_table import THRESHOLDS
 from pliant.diagnosis.excitation import SEPARABLE
-from pliant.diagnosis.law_discrepancy import EXACT, USUAL
+from pliant.diagnosis.law_posterior import EXACT, USUAL
 from pliant.diagnosis.verdict import Verdict
 
 PAGE = text_of("which_effect")

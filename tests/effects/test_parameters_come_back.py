@@ -18,7 +18,7 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.records.history import History
 from pliant.testing.samples import sample_chain
 

@@ -19,8 +19,8 @@ from pliant.app.own_files import own_code
 from pliant.app.page_state import Effects
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground
-from pliant.diagnosis.fitting import Score, score
 from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.readings import Score, score
 from pliant.diagnosis.test_split import TrainTestSplit, lock, lock_more
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake

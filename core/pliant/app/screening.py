@@ -18,8 +18,9 @@ from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.classes import connected
 from pliant.diagnosis.evidence_table import NOTHING, THRESHOLDS
 from pliant.diagnosis.excitation import Excitation, applicable, confounded_with, excitations, not_excited
-from pliant.diagnosis.fitting import Fitter, readings_over_floor
+from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.readings import readings_over_floor
 from pliant.evidence.places import residuals_of
 from pliant.formatting import display_unit
 from pliant.interfaces.effect import EffectParameter

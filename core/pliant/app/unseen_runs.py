@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from pliant.app.open_model import OpenModel
 from pliant.app.page_state import Effects
 from pliant.diagnosis.extension import Extension, Ground
-from pliant.diagnosis.fitting import score
 from pliant.diagnosis.improvement import LEAST_GAIN
 from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import score
 from pliant.diagnosis.steps import Improvement
 from pliant.diagnosis.unseen import SURE, PredictionGain, block_squares, prediction_gain
 from pliant.evidence.places import Residuals, residuals_of

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import SHARE_OF_RANGE, STEP, LawReference, ReadingVector, law_columns
+from pliant.diagnosis.fitting import STEP
+from pliant.diagnosis.law_discrepancy import LawReference, law_columns
+from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array

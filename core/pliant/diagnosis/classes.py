@@ -28,7 +28,9 @@ from pliant.diagnosis.excitation import (
     confounded_with,
     excitations,
 )
-from pliant.diagnosis.fitting import SHARE_OF_RANGE, Fitter, LawReference
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.law_discrepancy import LawReference
+from pliant.diagnosis.readings import SHARE_OF_RANGE
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array

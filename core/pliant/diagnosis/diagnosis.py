@@ -14,9 +14,9 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, candidate_kinds
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import (
     LAW,
-    LEAST_SQUARE,
     NOTHING,
     THRESHOLDS,
     UNKNOWN,
@@ -34,14 +34,15 @@ from pliant.diagnosis.excitation import (
     excitations,
     not_excited,
 )
-from pliant.diagnosis.fitting import SHARE_OF_RANGE, EffectFit, Fitter, ReadingVector, readings_over_floor
-from pliant.diagnosis.law_discrepancy import LawErrorPrior, prior_of
+from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.law_off import LawOff, law_off
+from pliant.diagnosis.law_posterior import LawErrorPrior, prior_of
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import offer
 from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
-from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
+from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector, readings_over_floor
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, Verdict, judge
@@ -213,14 +214,13 @@ def diagnose(
         for kind in chosen
         if not np.all(np.isfinite(search.fits[(kind,)].residual))
     ]
-    bare = fitter.law and law_off(
-        predictor, measurement, readings, fitter.law.basis, search.fits[NOTHING], table.noise
-    )
+    bare = law_off(predictor, measurement, readings, fitter.law, search.fits[NOTHING], table.noise)
     judgement = judge(table, thresholds, len(chosen) - len(silent), f" {bare.words}" if bare else "")
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
     off = None
-    if fitter.law is not None and table.law_is_off(explained):
-        off = law_off(predictor, measurement, readings, fitter.law.basis, search.fits[explained], table.noise)
+    if table.law_is_off(explained):
+        fit = search.fits[explained]
+        off = law_off(predictor, measurement, readings, fitter.law, fit, table.noise) if explained else bare
     noiseless = Remark(
         f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range.",
         Rank.FLOOR,

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import NOTHING, Kinds, sorted_kinds
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import EffectFit
 from pliant.records.design import Array
 
 # Directions that are shorter than this share of the longest, or of what is left of them beside others, count as none.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.diagnosis.candidates import NINETY
-from pliant.diagnosis.fitting import EffectFit
-from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView
 from pliant.evidence.excess import Excess
 from pliant.records.design import Array
 
@@ -168,8 +168,6 @@ class EvidenceThresholds:
 
 
 THRESHOLDS = EvidenceThresholds()
-# Mean squares below this, a thousandth of the scales, are those of data without noise.
-LEAST_SQUARE = 1e-6
 # What an error of the law of the usual size costs in log-odds, about.
 USUAL_LAW_PRICE = 30.0
 # Excess over the noise's square at which an effect outside the list is as likely as the hypothesis that leaves it.

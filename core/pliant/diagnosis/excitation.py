@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet, FitParameter
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import LAW, EvidenceThresholds, Kinds
-from pliant.diagnosis.fitting import EffectFit, Fitter, LawReference, reason_of
-from pliant.diagnosis.law_discrepancy import Whitener
+from pliant.diagnosis.fitting import Fitter, reason_of
+from pliant.diagnosis.law_discrepancy import LawReference
+from pliant.diagnosis.law_posterior import Whitener
 from pliant.errors import UserError
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue

@@ -26,9 +26,10 @@ import scipy
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import NINETY
-from pliant.diagnosis.fitting import Fitter, ReadingVector
-from pliant.diagnosis.law_discrepancy import LawError, Whitener
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.law_posterior import LawError, Whitener
 from pliant.diagnosis.posterior import Posterior
+from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.records.design import Array
 

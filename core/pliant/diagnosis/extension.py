@@ -17,16 +17,18 @@ from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.exploration import Exploration, explore, leaning
-from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector, Score, readings_over_floor, score
+from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.kept_posterior import block_of
-from pliant.diagnosis.law_discrepancy import prior_of
+from pliant.diagnosis.law_posterior import prior_of
 from pliant.diagnosis.learned_forms import KIND
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
 from pliant.diagnosis.left_out import blocks_of, condition_of_runs, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.posterior import Posterior, posterior_of
+from pliant.diagnosis.readings import ReadingVector, Score, readings_over_floor, score
 from pliant.diagnosis.scatter import ReadingScatter, scatter_of
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
 from pliant.evidence.places import Residuals, residuals_of

@@ -1,128 +1,36 @@
 """Fit a candidate to measured readings with the physics in the loop.
 
 Levenberg–Marquardt (`pliant.least_squares`) in the fit parameters' x, with the engine's own derivatives.
-
-Errors on runs that a fit has not seen, by leaving them out one after another.
-
-The fit is not repeated: without the readings G the parameters x move by
-
-    dx = (A + λ)⁻¹ (b − λ x),      A = Σ_{i ∉ G} J_iᵀ J_i,      b = Σ_{i ∉ G} J_iᵀ r_i
-
-within their bounds (all at once: Stark & Parker, Comput. Stat. 10, 1995), and leave r_G − J_G dx, exact for a linear
-model (Cook & Weisberg 1982, section 2.2.2). The weak prior λ (`FitParameter.pull`) decides only where the other
-readings say nothing about a parameter: it then returns to x = 0, the neutral strength or the typical shape, as a fit
-without G would have left it.
 """
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from threading import Lock
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.effect_fit import EffectFit, add_law_error
 from pliant.diagnosis.law_discrepancy import (
-    STEP as LAW_STEP,
-)
-from pliant.diagnosis.law_discrepancy import (
-    LawError,
     LawErrorBasis,
-    LawErrorPrior,
-    Whitener,
-    estimate,
+    LawReference,
+    law_columns,
     law_error_basis,
-    precision_of,
     strongest,
 )
-from pliant.errors import ImpossibleEffectError, PliantError, UserError
-from pliant.evidence.places import Residuals, padded
+from pliant.diagnosis.law_posterior import LawError, LawErrorPrior, Whitener
+from pliant.diagnosis.readings import ReadingVector
+from pliant.errors import ImpossibleEffectError, UserError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.least_squares import Point, Steps, descend
-from pliant.measurements.floors import Floor, noise_floors
-from pliant.measurements.repeats import RepeatGroup
 from pliant.pipeline.remote import code_of, other_version, registry_with
 from pliant.records.design import Array
-from pliant.records.measurement import Measurement
 from pliant.registry.files import FILE_MODULE, files_of
-
-FEWEST_FOLDS = 3
-QUARTERS = 4
-
-
-@dataclass(frozen=True, eq=False)
-class ReadingVector:
-    """Readings that are there, output by output and within each run by run.
-
-    Attributes:
-        outputs: their names, in the vector's order.
-        scales: noise floor of each output, in its unit.
-        values: (N,) readings over their scales.
-        run, output: (N,) index of the run and of the output of each.
-        fold: (N,) number of the part that is left out together: the run; with fewer than `FEWEST_FOLDS` of them,
-            quarters of each run.
-    """
-
-    outputs: tuple[str, ...]
-    scales: Mapping[str, float]
-    values: Array
-    run: NDArray[np.intp]
-    output: NDArray[np.intp]
-    fold: NDArray[np.intp]
-    _masks: tuple[tuple[NDArray[np.bool_], ...], ...]
-
-    @staticmethod
-    def of(measurement: Measurement, outputs: Sequence[str], scales: Mapping[str, float]) -> ReadingVector:
-        """All readings of these outputs that are finite."""
-        masks = tuple(tuple(np.isfinite(run.outputs[name]) for run in measurement.runs) for name in outputs)
-        pieces, runs, which, quarters = [], [], [], []
-        for k, name in enumerate(outputs):
-            for r, run in enumerate(measurement.runs):
-                piece = run.outputs[name][masks[k][r]] / scales[name]
-                n = len(piece)
-                pieces.append(piece)
-                runs.append(np.full(n, r))
-                which.append(np.full(n, k))
-                quarters.append(QUARTERS * np.arange(n) // max(n, 1))
-        of_run, of_output, quarter = (np.concatenate(v).astype(np.intp) for v in (runs, which, quarters))
-        fold = of_run if len(np.unique(of_run)) >= FEWEST_FOLDS else QUARTERS * of_run + quarter
-        values = np.concatenate(pieces)
-        return ReadingVector(tuple(outputs), dict(scales), values, of_run, of_output, fold, masks)
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    @property
-    def n_runs(self) -> int:
-        return len(self._masks[0])
-
-    def pack(self, readings: Sequence[Mapping[str, Array]]) -> Array:
-        """(N,) of readings per run by output, over their scales."""
-        return np.concatenate(
-            [
-                readings[r][name][mask] / self.scales[name]
-                for name, masks in zip(self.outputs, self._masks, strict=True)
-                for r, mask in enumerate(masks)
-            ]
-        )
-
-    def unpack(self, vector: Array) -> tuple[dict[str, Array], ...]:
-        """Per run by output (t,), in the outputs' units; NaN where nothing was read."""
-        runs: tuple[dict[str, Array], ...] = tuple({} for _ in range(self.n_runs))
-        at = 0
-        for name, masks in zip(self.outputs, self._masks, strict=True):
-            for r, mask in enumerate(masks):
-                n = int(mask.sum())
-                runs[r][name] = np.full(len(mask), np.nan)
-                runs[r][name][mask] = vector[at : at + n] * self.scales[name]
-                at += n
-        return runs
-
 
 STEP = 1e-4
 MOST_ITERATIONS = 20
@@ -150,143 +58,9 @@ STEEPEST = 1e9
 MOST_LOST = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class EffectFit:
-    """A candidate at its best parameters.
-
-    Attributes:
-        candidate: what was fitted.
-        x: (k,) parameters.
-        residual: (N,) reading − prediction over the noise floor, with all runs; less what the law's own error is
-            estimated to change, where that is part of the hypothesis.
-        slopes: (N, k) d prediction / dx over the noise floor.
-        converged: the last step gained next to nothing.
-        at_limit: (k,) the parameter ended on a bound.
-        parts: steps of the integration from each sample to the next.
-        law: what the readings say about the law's own error beside the candidate; None where it is taken as exact.
-    """
-
-    candidate: EffectSet
-    x: Array
-    residual: Array
-    slopes: Array
-    converged: bool
-    at_limit: tuple[bool, ...]
-    parts: int = 1
-    law: LawError | None = None
-
-    @property
-    def raw(self) -> Array:
-        """(N,) reading − prediction with the law as it is."""
-        return self.residual if self.law is None else self.residual + self.law.change
-
-    @property
-    def information(self) -> Array:
-        """(k, k) JᵀJ of the parameters, the law's own error marginalised."""
-        return self.slopes.T @ self.slopes if self.law is None else self.law.reduce(self.slopes)
-
-    @property
-    def law_price(self) -> float:
-        """Log-odds that the law's own error costs."""
-        return 0.0 if self.law is None else self.law.price
-
-    def whitened(self, values: Array) -> Array:
-        """Return (N,) or (N, k) in readings' units with what the law's error may do taken out."""
-        if self.law is None:
-            return values
-        return Whitener.of(self.law.columns, self.law.precision).apply(values)
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Parameter values by ``kind.name``."""
-        return self.candidate.values(self.x)
-
-    @property
-    def named(self) -> dict[str, float]:
-        """x by ``kind.name``."""
-        return {one.name: float(x) for one, x in zip(self.candidate.parameters, self.x, strict=True)}
-
-    def mean_square(self, weights: Array | None = None) -> float:
-        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
-        if weights is None:
-            square = float(self.residual @ self.residual) / len(self.residual)
-        else:
-            square = float(weights @ self.residual**2) / float(weights.sum())
-        return square if np.isfinite(square) else np.inf
-
-    def cost(self, weights: Array) -> float:
-        """Sum of squared residuals, with what the prior of the law's error adds."""
-        penalty = 0.0 if self.law is None else self.law.penalty
-        return self.mean_square(weights) * float(weights.sum()) + penalty
-
-    def with_law(self, prior: LawErrorPrior, n_effective: float) -> EffectFit:
-        """Return the fit with the law's error estimated again for another noise."""
-        if self.law is None or not np.isfinite(self.residual).all():
-            return self
-        return _with_law_error(
-            replace(self, residual=self.raw, law=None), self.law.columns, prior, n_effective
-        )
-
-
-def _with_law_error(fit: EffectFit, columns: Array, prior: LawErrorPrior, n_effective: float) -> EffectFit:
-    """Return a fit without a law's error with what its readings say about it."""
-    free = ~np.array(fit.at_limit, bool)
-    pulls = np.array([parameter.pull for parameter in fit.candidate.parameters])
-    found = estimate(fit.residual, fit.slopes[:, free], pulls[free], columns, prior, n_effective)
-    return replace(fit, residual=fit.residual - found.change, law=found)
-
-
-@dataclass(frozen=True, eq=False)
-class LawReference:
-    """The law's error as it enters fits before they have sensitivities of their own.
-
-    Attributes:
-        basis: its directions.
-        prior: of its size.
-        columns: (N, m) sensitivities of the readings about the model as it is.
-        n_effective: independent readings.
-    """
-
-    basis: LawErrorBasis
-    prior: LawErrorPrior
-    columns: Array
-    n_effective: float
-
-    @property
-    def precision(self) -> float:
-        """Of each coefficient at the median size, for readings as noisy as their floors."""
-        return self.precision_at(self.prior.median, self.n_effective)
-
-    def precision_at(self, size: float, n_effective: float) -> float:
-        """Return the precision of each coefficient at a size, for readings as noisy as their floors."""
-        return precision_of(size, len(self.columns), n_effective, 1.0)
-
-
 def reason_of(error: UserError) -> str:
     """Why an effect is left out, without its plugin's advice on a study."""
     return error.reason if isinstance(error, ImpossibleEffectError) else str(error)
-
-
-def law_columns(
-    predictor: Predictor, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
-) -> Array | None:
-    """Return (N, m) d reading / d coefficient of the law's error, over the scales; None where the engine has none.
-
-    Args:
-        predictor: the model, driven by the runs of the readings.
-        readings: places and scales of the readings.
-        effects: what the model has beside its own effects.
-        basis: directions of the law's error.
-    """
-    steps = LAW_STEP * np.eye(len(basis))
-    towards = [(*effects, basis.effect(predictor, step)) for step in steps]
-    zero = basis.effect(predictor, np.zeros(len(basis)))
-    try:
-        _, changes = predictor.vary((*effects, zero), towards)
-    except PliantError:
-        return None
-    columns = np.stack([readings.pack(change) for change in changes], axis=1) / LAW_STEP
-    return np.where(np.isfinite(columns), columns, 0.0)
 
 
 class Fitter:
@@ -407,13 +181,13 @@ class Fitter:
         if own is None:
             return fit
         plain = replace(fit, residual=fit.raw, law=None)
-        first = _with_law_error(plain, own, self.law.prior, self.law.n_effective)
+        first = add_law_error(plain, own, self.law.prior, self.law.n_effective)
         if len(fit.candidate):
             again = self._fit(fit.candidate, [fit.x], fit.parts, first.law)
             plain = replace(again, residual=again.raw, law=None)
         if not np.isfinite(plain.residual).all():
             return fit
-        return _with_law_error(plain, own, self.law.prior, self.law.n_effective)
+        return add_law_error(plain, own, self.law.prior, self.law.n_effective)
 
     def no_worse(self, fit: EffectFit, near: Sequence[Mapping[str, float]]) -> EffectFit:
         """The fit, or the one that begins at the best of some smaller fits where that leaves less.
@@ -512,7 +286,7 @@ class Fitter:
             held = replace(law, coefficient=coefficient)
             return replace(fit, residual=residual - held.change, law=held)
         assert self.law is not None
-        return _with_law_error(fit, self.law.columns, self.law.prior, self.law.n_effective)
+        return add_law_error(fit, self.law.columns, self.law.prior, self.law.n_effective)
 
     def _start(self, misfit: _ReadingMisfit, x: Array) -> _LinearPoint:
         """The point, remembered: what is looked at is often where a fit begins."""
@@ -609,70 +383,3 @@ class _ReadingMisfit:
     def slopes(self, point: Point) -> Array | None:
         """Those of the point, which has them."""
         return point.slopes
-
-
-# An output without any floor is weighed by this share of its range.
-SHARE_OF_RANGE = 0.02
-
-
-@dataclass(frozen=True)
-class Score:
-    """Root mean square errors.
-
-    Attributes:
-        rmse: by output, SI; outputs without a reading in these runs are left out.
-        over_floor: over all outputs, each in units of its floor; NaN where one is not known, or none.
-        n: readings.
-    """
-
-    rmse: Mapping[str, float]
-    over_floor: float
-    n: int
-
-
-def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[int] | None = None) -> Score:
-    """The error of these runs, of all by default; readings that are missing do not count."""
-    chosen = range(len(residuals)) if runs is None else sorted(runs)
-    series = {
-        name: np.concatenate([residuals[k][name] for k in chosen] or [np.zeros(0)]) for name in residuals[0]
-    }
-    there = {name: values[np.isfinite(values)] for name, values in series.items()}
-    there = {name: values for name, values in there.items() if len(values)}
-    n = sum(len(values) for values in there.values())
-    known = n and all(floors[name].value > 0.0 for name in there)
-    squares = (np.sum((there[name] / floors[name].value) ** 2) for name in there) if known else (np.nan,)
-    return Score(
-        rmse={name: float(np.sqrt(np.mean(values**2))) for name, values in there.items()},
-        over_floor=float(np.sqrt(sum(squares) / max(n, 1))),
-        n=n,
-    )
-
-
-def readings_over_floor(
-    measurement: Measurement, residuals: Residuals, groups: Sequence[RepeatGroup] | None = None
-) -> tuple[ReadingVector, dict[str, Floor]]:
-    """Readings in units of the floor that a model's residuals show, and the floors.
-
-    An output is in units of a share of its range where nothing tells a floor; without a reading it is left out.
-
-    Args:
-        measurement: the runs.
-        residuals: of the model, per run by output (t,).
-        groups: repeats, where they are known already.
-
-    Raises:
-        UserError: no reading that the model has.
-    """
-    floors = noise_floors(measurement, padded(measurement, residuals), groups)
-    outputs, scales = list(residuals[0]), {}
-    for name in outputs:
-        series: Array = np.concatenate([run.outputs[name] for run in measurement.runs])
-        there = series[np.isfinite(series)]
-        if not len(there):
-            continue
-        span, value = float(np.ptp(there)), floors[name].value
-        smallest = 1e-6 * max(span, float(np.abs(there).max()))
-        scales[name] = value if np.isfinite(value) and value > smallest else (SHARE_OF_RANGE * span or 1.0)
-    if not scales:
-        raise UserError(f"{measurement.source}: no reading of {', '.join(outputs)} is there.")
-    return ReadingVector.of(measurement, tuple(scales), scales), floors

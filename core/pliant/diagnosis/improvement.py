@@ -24,12 +24,12 @@ from pliant.diagnosis.bands import bands
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.fitting import score
 from pliant.diagnosis.learned_forms import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
 from pliant.diagnosis.left_out import blocks_of, condition_of_runs
 from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.readings import score
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import (
     Cause,
@@ -135,7 +135,7 @@ def improve(
     walk = _Walk(bench, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
-    if not walk.correct_law() and learned:
+    if not walk.correct_law(named_only) and learned:
         walk.learn()
     return walk.scored(stop, reason, final)
 
@@ -215,10 +215,12 @@ class _Walk:
         self.effects = found.effects
         return found
 
-    def correct_law(self) -> bool:
+    def correct_law(self, named_only: bool) -> bool:
         """Add the law's own error where the last diagnosis shows one and runs left out are predicted better with it."""
         found = self.last
         if found is None or found.law_off is None or found.explained != NOTHING:
+            return False
+        if named_only and found.verdict != "law_off":
             return False
         off, term = found.law_off, found.law_off.term
         if not (term.sure > SURE and term.after < (1.0 - LEAST_GAIN) * term.before):
@@ -228,8 +230,7 @@ class _Walk:
         why = (
             f"The law itself is off {off.words}, {percent(off.size)} of its torque range: a smooth surface over "
             "actuation and deformation corrects it where these runs went, and nowhere else. It takes the error on "
-            f"{term.on} "
-            f"from {term.before:.2f} to {term.after:.2f} times the noise."
+            f"{term.on} from {term.before:.2f} to {term.after:.2f} times the noise."
         )
         whole = [len(run) for run in found.measurement.runs] == [
             len(run) for run in self.locked.training.runs

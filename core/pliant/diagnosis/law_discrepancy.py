@@ -21,12 +21,15 @@ a shape that is not smooth.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 
+from pliant.diagnosis.law_posterior import LawErrorPrior, precision_of
 from pliant.diagnosis.learned_forms import KIND, LearnedForm, SeenMotion
+from pliant.diagnosis.readings import ReadingVector
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
@@ -45,53 +48,6 @@ MOST_DIRECTIONS = 16
 # Change of a coefficient with which sensitivities are taken.
 STEP = 1e-3
 JITTER = 1e-8
-
-
-@dataclass(frozen=True)
-class LawErrorPrior:
-    """Log-normal prior of the size s, a share of the torque range, on a grid.
-
-    Attributes:
-        median: the size that is as likely exceeded as not.
-        spread: standard deviation of ln s.
-        most: the largest size that is considered.
-    """
-
-    median: float
-    spread: float
-    most: float
-    least: float = 2e-4
-    count: int = 15
-
-    @staticmethod
-    def stated(share: float) -> LawErrorPrior:
-        """Return the prior of a law whose error is stated: about the half of it, never above twice of it."""
-        return LawErrorPrior(0.5 * share, np.log(2.0), 2.0 * share, least=0.05 * share)
-
-    @property
-    def sizes(self) -> Array:
-        """(n,) the grid."""
-        return np.geomspace(self.least, self.most, self.count)
-
-    @property
-    def log_weights(self) -> Array:
-        """(n,) log prior probability of each size of the grid."""
-        logs = -0.5 * (np.log(self.sizes / self.median) / self.spread) ** 2
-        return np.asarray(logs - np.log(np.sum(np.exp(logs))))
-
-    @property
-    def large(self) -> float:
-        """A size that is exceeded in one of twenty laws."""
-        return float(min(self.median * np.exp(1.6449 * self.spread), self.most))
-
-
-# Without a statement: a law from FEM of rubber, or fitted to a bench, is usually off by 0.3 to 3 % of its range.
-USUAL = LawErrorPrior(median=0.01, spread=np.log(2.2), most=0.06)
-
-
-def prior_of(law_error: float | None) -> LawErrorPrior:
-    """Return the prior that a study's `law_error` states, or the usual one without it."""
-    return USUAL if law_error is None else LawErrorPrior.stated(law_error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,137 +157,48 @@ def strongest(basis: LawErrorBasis, columns: Array, most: float) -> tuple[LawErr
 
 
 @dataclass(frozen=True, eq=False)
-class LawError:
-    """What the readings of a fit say about δ.
+class LawReference:
+    """The law's error as it enters fits before they have sensitivities of their own.
 
     Attributes:
-        columns: (N, m) B, change of the readings per unit of each coefficient, in noise floors.
-        coefficient: (m,) its posterior mean.
-        size: s, the most probable share of the torque range.
-        precision: of each coefficient, in units of squared residuals: 1 / (w s²).
-        price: log-odds that δ costs: its prior at the coefficients and Occam's factor, the size integrated.
-    """
-
-    columns: Array
-    coefficient: Array
-    size: float
-    precision: float
-    price: float
-
-    @property
-    def change(self) -> Array:
-        """(N,) what δ changes, in noise floors."""
-        return np.asarray(self.columns @ self.coefficient)
-
-    @property
-    def penalty(self) -> float:
-        """What the prior adds to the sum of squared residuals."""
-        return float(self.precision * (self.coefficient @ self.coefficient))
-
-    @property
-    def normal(self) -> Array:
-        """(m, m) BᵀB + I / (w s²)."""
-        return np.asarray(self.columns.T @ self.columns + self.precision * np.eye(len(self.coefficient)))
-
-    def posterior_root(self) -> Array:
-        """Return R (m, m) with σ²-scaled covariance R Rᵀ of the coefficients, in units of squared residuals."""
-        values, vectors = np.linalg.eigh(self.normal)
-        return np.asarray(vectors / np.sqrt(values))
-
-    def reduce(self, slopes: Array) -> Array:
-        """Return (k, k) JᵀJ of slopes (N, k) with δ marginalised, in units of 1 / σ²."""
-        across = slopes.T @ self.columns
-        return np.asarray(slopes.T @ slopes - across @ np.linalg.solve(self.normal, across.T))
-
-
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """The linear map W with WᵀW = V⁻¹ / w: it takes what δ may do out of residuals and slopes.
-
-    Attributes:
-        basis: (N, m) orthonormal directions.
-        factor: (m,) W along each, between 0 and 1.
-    """
-
-    basis: Array
-    factor: Array
-
-    @staticmethod
-    def of(columns: Array, precision: float) -> Whitener:
-        """Return W for sensitivities B (N, m) and a precision 1 / (w s²) of the coefficients."""
-        left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        return Whitener(left, 1.0 / np.sqrt(1.0 + sizes**2 / precision))
-
-    def apply(self, values: Array) -> Array:
-        """Return W times a vector (N,) or columns (N, k)."""
-        return self._scaled(values, self.factor - 1.0)
-
-    def undo(self, values: Array) -> Array:
-        """Return the inverse of `apply`."""
-        return self._scaled(values, 1.0 / self.factor - 1.0)
-
-    def _scaled(self, values: Array, by: Array) -> Array:
-        along = self.basis.T @ values
-        return np.asarray(values + self.basis @ (by[:, None] * along if along.ndim > 1 else by * along))
-
-
-# Mean squares below this are those of data without noise.
-LEAST_SQUARE = 1e-6
-ROUNDS = 3
-# Prior probability that a law is exact.
-EXACT = 0.05
-
-
-def precision_of(size: float, n_readings: int, n_effective: float, square: float) -> float:
-    """Return 1 / (w s²), with σ² the `square` of the noise in a reading."""
-    return n_readings * max(square, LEAST_SQUARE) / (max(n_effective, 2.0) * size**2)
-
-
-def estimate(
-    raw: Array, slopes: Array, pulls: Array, columns: Array, prior: LawErrorPrior, n_effective: float
-) -> LawError:
-    """Return what readings say about δ at a fit.
-
-    The size is weighed with the parameters x refitted to first order, against a law that is exact; the coefficients
-    are those at x.
-
-    Args:
-        raw: (N,) reading − prediction without δ, in noise floors.
-        slopes: (N, k) of the parameters that are free to follow.
-        pulls: (k,) their prior weights, in units of squared residuals.
-        columns: (N, m) B.
-        prior: of the size.
+        basis: its directions.
+        prior: of its size.
+        columns: (N, m) sensitivities of the readings about the model as it is.
         n_effective: independent readings.
     """
-    n, n_readings = max(n_effective, 2.0), len(raw)
-    sizes, logs = prior.sizes, prior.log_weights
-    whole = np.column_stack([slopes, columns])
-    k = slopes.shape[1]
-    gram, right, total = whole.T @ whole, whole.T @ raw, float(raw @ raw)
-    gram[np.arange(k), np.arange(k)] += pulls + JITTER * (np.diag(gram)[:k] + 1.0)
-    alone = gram[k:, k:] - gram[k:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k, k:]) if k else gram
-    known = np.maximum(np.linalg.eigvalsh(alone), 0.0)
-    evidence, precisions = np.empty(len(sizes)), np.empty(len(sizes))
-    squares = np.empty(len(sizes))
-    for index, size in enumerate(sizes):
-        square = max(total / n_readings, LEAST_SQUARE)
-        for _ in range(ROUNDS):
-            precision = precision_of(float(size), n_readings, n, square)
-            weighted = gram + np.diag(np.r_[np.zeros(k), np.full(len(gram) - k, precision)])
-            best = np.linalg.solve(weighted, right)
-            penalty = precision * float(best[k:] @ best[k:])
-            left = max(total - float(best @ right) - penalty, 0.0) / n_readings
-            square = max(left, LEAST_SQUARE)
-        occam = 0.5 * float(np.sum(np.log1p(known / precision)))
-        prior_cost = 0.5 * float(best[k:] @ best[k:]) / float(size) ** 2
-        evidence[index] = -0.5 * n * np.log(square) - prior_cost - occam + logs[index]
-        precisions[index], squares[index] = precision, square
-    top = int(np.argmax(evidence))
-    no_error = -0.5 * n * np.log(max(total / n_readings, LEAST_SQUARE)) + np.log(EXACT)
-    every = np.r_[evidence + np.log(1.0 - EXACT), no_error]
-    total_evidence = float(every.max() + np.log(np.sum(np.exp(every - every.max()))))
-    price = -0.5 * n * float(np.log(squares[top])) - total_evidence
-    precision = float(precisions[top])
-    normal = columns.T @ columns + precision * np.eye(columns.shape[1])
-    coefficient = np.asarray(np.linalg.solve(normal, columns.T @ raw), float)
-    return LawError(columns, coefficient, float(sizes[top]), precision, max(price, 0.0))
+
+    basis: LawErrorBasis
+    prior: LawErrorPrior
+    columns: Array
+    n_effective: float
+
+    @property
+    def precision(self) -> float:
+        """Of each coefficient at the median size, for readings as noisy as their floors."""
+        return self.precision_at(self.prior.median, self.n_effective)
+
+    def precision_at(self, size: float, n_effective: float) -> float:
+        """Return the precision of each coefficient at a size, for readings as noisy as their floors."""
+        return precision_of(size, len(self.columns), n_effective, 1.0)
+
+
+def law_columns(
+    predictor: Predictor, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
+) -> Array | None:
+    """Return (N, m) d reading / d coefficient of the law's error, over the scales; None where the engine has none.
+
+    Args:
+        predictor: the model, driven by the runs of the readings.
+        readings: places and scales of the readings.
+        effects: what the model has beside its own effects.
+        basis: directions of the law's error.
+    """
+    steps = STEP * np.eye(len(basis))
+    towards = [(*effects, basis.effect(predictor, step)) for step in steps]
+    zero = basis.effect(predictor, np.zeros(len(basis)))
+    try:
+        _, changes = predictor.vary((*effects, zero), towards)
+    except PliantError:
+        return None
+    columns = np.stack([readings.pack(change) for change in changes], axis=1) / STEP
+    return np.where(np.isfinite(columns), columns, 0.0)

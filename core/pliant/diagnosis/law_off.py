@@ -6,13 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.diagnosis.fitting import EffectFit, ReadingVector
-from pliant.diagnosis.law_discrepancy import LawErrorBasis
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.law_discrepancy import LawErrorBasis, LawReference
+from pliant.diagnosis.learned_forms import SeenMotion
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.left_out import blocks_of, heldout_residual
 from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.prediction import Predictor
 from pliant.formatting import unit_of
+from pliant.mechanics.learned_curve import basis as surface
+from pliant.mechanics.learned_curve import series
+from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
 
@@ -21,7 +26,8 @@ class LawOff:
     """An error of the law beside a hypothesis.
 
     Attributes:
-        size: its most probable size, a share of the torque range; `effort` is that range, N·m or N.
+        size: root mean square over the states that the model visits, as a share of the torque range; `effort` is
+            that range, N·m or N.
         output, change: the reading that it changes most in units of its noise, and by how much there, SI.
         actuation, reading: the input and the measured reading at that sample, SI; `drive` is the input's name.
         share: of the squared error of the model that it explains.
@@ -50,7 +56,7 @@ def law_off(
     predictor: Predictor,
     measurement: Measurement,
     readings: ReadingVector,
-    basis: LawErrorBasis,
+    reference: LawReference | None,
     fit: EffectFit,
     noise: NoiseView,
 ) -> LawOff | None:
@@ -60,12 +66,13 @@ def law_off(
         predictor: the model.
         measurement: the runs of the readings.
         readings: places and scales.
-        basis: of the law's error.
+        reference: the law's error as the fits have it; None where they have none.
         fit: the hypothesis.
         noise: as the best hypothesis shows it.
     """
-    if fit.law is None or not np.isfinite(fit.raw).all():
+    if reference is None or fit.law is None or not np.isfinite(fit.raw).all():
         return None
+    basis = reference.basis
     change = fit.law.change
     worst = int(np.argmax(np.abs(change)))
     output = readings.outputs[readings.output[worst]]
@@ -74,7 +81,7 @@ def law_off(
     level = measurement.runs[run].history.actuation.get(drive)
     raw, left = float(np.sum(fit.raw**2)), float(np.sum(fit.residual**2))
     return LawOff(
-        size=fit.law.size,
+        size=_visited(predictor, basis, fit.law.coefficient) / basis.effort,
         effort=basis.effort,
         output=output,
         change=float(change[worst]) * readings.scales[output],
@@ -84,6 +91,16 @@ def law_off(
         share=max(1.0 - left / max(raw, 1e-300), 0.0),
         term=_term(predictor, readings, basis, fit, noise, drive),
     )
+
+
+def _visited(predictor: Predictor, basis: LawErrorBasis, coefficient: Array) -> float:
+    """Return the root mean square of the law's error over the states that the model visits, N·m or N."""
+    axes, values = basis.form.axes, basis.directions @ coefficient
+    errors = [
+        (surface(axes, [series(axis, run) for axis in axes]) @ values)[read]
+        for _, run, read in SeenMotion(predictor).runs
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def _term(

@@ -15,9 +15,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.fitting import ReadingVector
 from pliant.diagnosis.learned_forms import KIND, TUNED, LearnedForm, SeenMotion
 from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.smooth_fit import CurvePrior, LinearModel, Sums, left_out, most_likely
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor

@@ -1,4 +1,14 @@
-"""Errors on readings that a fit has not seen: runs, conditions or blocks left out of it, one after another."""
+"""Errors on readings that a fit has not seen: runs, conditions or blocks left out of it, one after another.
+
+The fit is not repeated: without the readings G the parameters x move by
+
+    dx = (A + λ)⁻¹ (b − λ x),      A = Σ_{i ∉ G} J_iᵀ J_i,      b = Σ_{i ∉ G} J_iᵀ r_i
+
+within their bounds (all at once: Stark & Parker, Comput. Stat. 10, 1995), and leave r_G − J_G dx, exact for a linear
+model (Cook & Weisberg 1982, section 2.2.2). The weak prior λ (`FitParameter.pull`) decides only where the other
+readings say nothing about a parameter: it then returns to x = 0, the neutral strength or the typical shape, as a fit
+without G would have left it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.fitting import EffectFit, ReadingVector
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.readings import ReadingVector
 from pliant.records.design import Array
 
 # A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.

@@ -33,16 +33,9 @@ import numpy as np
 
 from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView, seconds_per_reading
-from pliant.diagnosis.evidence_table import (
-    LEAST_SQUARE,
-    NOTHING,
-    THRESHOLDS,
-    UNKNOWN,
-    EvidenceThresholds,
-    Kinds,
-)
-from pliant.diagnosis.fitting import EffectFit
-from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.evidence_table import NOTHING, THRESHOLDS, UNKNOWN, EvidenceThresholds, Kinds
+from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView
 from pliant.diagnosis.verdict import named
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue

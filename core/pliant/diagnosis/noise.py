@@ -23,6 +23,8 @@ from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
+# Mean squares below this, a thousandth of the scales, are those of data without noise.
+LEAST_SQUARE = 1e-6
 # Groups of repeats from which on a common sign means anything, and t from which on it does.
 FEWEST, SURE = 5, 5.0
 

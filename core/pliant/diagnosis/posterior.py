@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.uncertainty import square_per_reading
 from pliant.records.design import Array
 

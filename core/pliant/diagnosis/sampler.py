@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.exploration import MOST_LOST, log_density
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.posterior import posterior_of
 from pliant.diagnosis.uncertainty import square_per_reading
 from pliant.errors import MissingDependencyError

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.directions import Directions
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import (
-    LEAST_SQUARE,
     NOTHING,
     EvidenceTable,
     EvidenceThresholds,
@@ -34,9 +34,10 @@ from pliant.diagnosis.evidence_table import (
     sorted_kinds,
 )
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import MOST_LOST, EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.fitting import MOST_LOST, Fitter
 from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
-from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
+from pliant.diagnosis.readings import ReadingVector
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue
 from pliant.measurements.repeats import RepeatGroup, repeat_groups

@@ -17,6 +17,7 @@ from typing import Literal
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.candidates import FitParameter
 from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import (
     NOTHING,
     THRESHOLDS,
@@ -27,9 +28,9 @@ from pliant.diagnosis.evidence_table import (
     sorted_kinds,
 )
 from pliant.diagnosis.extension import Extension
-from pliant.diagnosis.fitting import EffectFit, Score
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.readings import Score
 from pliant.diagnosis.test_split import TrainTestSplit
 from pliant.diagnosis.unseen import best_of, best_prediction
 from pliant.evidence.excess import Excess

@@ -21,8 +21,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.diagnosis.candidates import NINETY, EffectSet
-from pliant.diagnosis.evidence_table import LEAST_SQUARE
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.effect_fit import EffectFit
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.noise import LEAST_SQUARE
 from pliant.formatting import Unit, decimals_of_sd, display_unit, number, quantity, with_sd
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array

@@ -9,7 +9,6 @@ from typing import Literal
 
 from pliant.diagnosis.evidence_table import (
     LAW,
-    LEAST_SQUARE,
     NOTHING,
     UNKNOWN,
     EvidenceTable,
@@ -21,6 +20,7 @@ from pliant.diagnosis.evidence_table import (
     probabilities,
     sorted_kinds,
 )
+from pliant.diagnosis.noise import LEAST_SQUARE
 from pliant.evidence.excess import Excess
 from pliant.formatting import plural
 
@@ -54,6 +54,8 @@ NOT_PREDICTIVE = (
     "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
 )
 MOST_NAMED = 4
+# From so many times the noise on, what the best explanation leaves is said before it.
+MUCH_LEFT = 2.0
 # More effects than these are no class that a user can act upon.
 MOST_IN_CLASS = 4
 
@@ -108,12 +110,19 @@ class Judgement:
     @property
     def sentence(self) -> str:
         """The verdict in one sentence, with the explanations that are left."""
+        first = ""
+        if (
+            self.verdict in ("missing_effect", "ambiguous")
+            and self.best.ratio - 2.0 * self.best.se > MUCH_LEFT
+        ):
+            whole = "this is not" if self.verdict == "missing_effect" else "none of these is"
+            first = f"{self.best} times the noise is left: {whole} the whole story. "
         known: str = "class" if self.selected_class else self.verdict
         listed_kinds = [kind for kind in self.selected_class if kind != LAW]
         group = " or ".join(listed_kinds)
         if len(listed_kinds) < len(self.selected_class):
             known = "class_with_law"
-        return HEADLINES[known][0 if self.small else 1].format(
+        return first + HEADLINES[known][0 if self.small else 1].format(
             kinds=" and ".join(
                 [*self.beside, f"({group})" if self.beside else group] if group else self.selected
             ),

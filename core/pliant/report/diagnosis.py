@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.diagnosis import Diagnosis, next_words, of_the_bench, why
-from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.evidence_table import LAW, NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.posterior import Posterior, posterior_of
 from pliant.diagnosis.verdict import named
 from pliant.formatting import listed, number, unit_of
@@ -66,6 +66,8 @@ DEMANDS = {
     "bench": "Correct the file, not the physics: put the number right where it was written down and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
     "Which it is, the run below or a look at the bench tells.",
+    "class_with_law": "Do the run below, which tells the law's own shape from the effect; pliant improve takes what "
+    "predicts better until then.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
     "law_off": "Correct the law: solve FEM states there, try another surrogate or material, or let pliant improve add "
@@ -139,7 +141,7 @@ def _demand(found: Diagnosis, registry: Registry) -> str:
     if verdict == "nothing_missing" and not small:
         return RECORD
     if found.judgement.selected_class:
-        return DEMANDS["class"]
+        return DEMANDS["class_with_law" if LAW in found.judgement.selected_class else "class"]
     if found.selected and all(of_the_bench(registry, kind) for kind in found.selected):
         return DEMANDS["bench"]
     decided = found.next_run is not None or verdict not in NEEDS_RUNS

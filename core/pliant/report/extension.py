@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
-from pliant.diagnosis.fitting import Score
+from pliant.diagnosis.readings import Score
 from pliant.diagnosis.steps import change_in_words
 from pliant.formatting import listed, number, plural, unit_of
 from pliant.records.measurement import Measurement

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
-from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.readings import Score
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
