@@ -236,8 +236,8 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
             {(): 400.0, ("a",): 9.0, ("b",): 9.1},
             200.0,
             "ambiguous",
-            "3.01 ± 0.15 times the noise is left: none of these is the whole story. These data do not decide: an effect "
-            "outside the list or a or b.",
+            "3.01 ± 0.15 times the noise is left: none of these is the whole story. These data do not decide: an "
+            "effect outside the list or a or b.",
         ),
         (CLEAN, 200.0, "nothing_missing", "Nothing is missing that these data could show."),
         # 1.21 times the noise, but of few readings: not told from it

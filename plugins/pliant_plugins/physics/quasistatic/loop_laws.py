@@ -61,6 +61,15 @@ def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
     return LawTable(cells.reshape(corners.shape), np.array([p[0], dp, u[0], du]))
 
 
+def _packed(laws: Sequence[JointLaw]) -> tuple[PackedLaws, Array] | None:
+    """Return the laws' scalar forms and (l, 2) α and γ of `JointLaw.behind`; None where one has no scalar form."""
+    known = [law.behind() for law in laws]
+    packed = PackedLaws.of([law for law, _, _ in known])
+    if packed is None:
+        return None
+    return packed, np.array([number for _, *number in known], float).reshape(-1, 2)
+
+
 class WideLaws(NamedTuple):
     """Laws of several actuations as the loop calls them: addresses (l,), spans (l, 2) of the parameters (P,).
 
@@ -81,11 +90,9 @@ class WideLaws(NamedTuple):
     @staticmethod
     def of(laws: Sequence[JointLaw]) -> WideLaws | None:
         """None where one of them has no scalar form."""
-        known = [law.behind() for law in laws]
-        packed = PackedLaws.of([law for law, _, _ in known])
-        if packed is None:
+        if (found := _packed(laws)) is None:
             return None
-        around = np.array([number for _, *number in known], float).reshape(-1, 2)
+        packed, around = found
         most = max(packed.counts, default=1)
         space = (np.zeros(most), np.empty(1), np.empty(1), np.empty(most), np.empty((1, 1)))
         return WideLaws(packed.addresses, packed.spans, packed.parameters, around, *space)
@@ -111,9 +118,7 @@ class CalledLaws(NamedTuple):
     @staticmethod
     def of(laws: Sequence[JointLaw]) -> CalledLaws | None:
         """None where one of them has no scalar form."""
-        known = [law.behind() for law in laws]
-        packed = PackedLaws.of([law for law, _, _ in known])
-        if packed is None:
+        if (found := _packed(laws)) is None:
             return None
-        around = np.array([number for _, *number in known], float).reshape(-1, 2)
+        packed, around = found
         return CalledLaws(packed.addresses, packed.spans, packed.parameters, packed.less, around)
